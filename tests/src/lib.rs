@@ -23,9 +23,11 @@
 //! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
 //! - [`pixel_digests`]: pixels in short, and tables of what they were; [`stored_farm`]: what older builds left of
 //!   farms;
-//! - [`pane_scene`]: small scenes for tests of laws, [`closed_room`]: a room for tests of all light;
+//! - [`pane_scene`]: small scenes for tests of laws, [`closed_room`]: a room for tests of all light, [`daylit_room`]:
+//!   one with a window of any number of panes;
 //! - [`found_paths`]: paths of light as methods are asked about them;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
+//! - [`parity`]: whether Mitsuba renders the same pictures of exported scenes;
 //! - [`slab`]: the faces of a slab whose caustic has no folds;
 //! - [`pool`]: water whose caustic folds;
 //! - [`two_interfaces`]: all paths through two interfaces, by curves; [`pane_mesh`]: a pane as a mesh;
@@ -42,6 +44,7 @@ pub mod chaos;
 pub mod closed_room;
 pub mod comparisons;
 pub mod connections;
+pub mod daylit_room;
 pub mod estimate;
 pub mod exr_files;
 pub mod farm;
@@ -60,6 +63,7 @@ pub mod mesh_tracer;
 pub mod methods;
 pub mod pane_mesh;
 pub mod pane_scene;
+pub mod parity;
 pub mod pixel_digests;
 pub mod pool;
 pub mod proxy;

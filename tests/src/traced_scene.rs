@@ -262,7 +262,8 @@ impl TracedScene {
     ///
     /// # Errors
     ///
-    /// A scene that cannot be built, a file that cannot be understood, PLY files and rotated meshes.
+    /// A scene that cannot be built, a file that cannot be understood, PLY files, rotated meshes, spots and
+    /// environments.
     pub fn build(bundle: &SceneBundle, folder: &Path) -> Result<Self, TracedSceneError> {
         let description = bundle.description();
         let colours = Arc::new(Scene::build(description.parts(), bundle.assets(), &mut |_| ())?);
@@ -284,7 +285,7 @@ impl TracedScene {
             camera: camera(&description.camera, film),
             panes: panes.collect::<Result<_, _>>()?,
             triangles,
-            lights: description.lights.iter().map(light).collect(),
+            lights: description.lights.iter().map(light).collect::<Result<_, _>>()?,
             colours,
         })
     }
@@ -302,15 +303,17 @@ impl TracedScene {
 fn mesh_triangles(mesh: &MeshDescription, folder: &Path) -> Result<Vec<TracedTriangle>, TracedSceneError> {
     let unsupported =
         |what: &str, remedy| TracedSceneError::Unsupported { what: format!("mesh `{}` {what}", mesh.name), remedy };
-    if mesh.rotate != [0.0; 3] {
+    if mesh.rotate != [0.0; 3] || mesh.matrix.is_some() {
         return Err(unsupported("with a rotation", "rotate its positions"));
     }
     let corners: Vec<[DVec3; 3]> = match &mesh.source {
         MeshSource::Inline { positions, triangles, .. } => {
             triangles.iter().map(|triangle| triangle.map(|i| DVec3::from(positions[i as usize]))).collect()
         }
-        MeshSource::Obj { file } => obj_triangles(&folder.join(file))?,
+        MeshSource::Obj { file, part: None } => obj_triangles(&folder.join(file))?,
+        MeshSource::Obj { .. } => return Err(unsupported("from a part of an OBJ file", "use all of it")),
         MeshSource::Ply { .. } => return Err(unsupported("from a PLY file", "use OBJ")),
+        MeshSource::Gltf(_) => return Err(unsupported("from a glTF file", "use OBJ")),
         MeshSource::Waves(_) => return Err(unsupported("of waves", "use OBJ")),
     };
     let place = |point: DVec3| point * mesh.scale + DVec3::from(mesh.translate);
@@ -421,8 +424,8 @@ pub fn read_height_map(path: &Path) -> Result<(Vec<f32>, usize, usize), TracedSc
     }
 }
 
-fn light(description: &LightDescription) -> TracedLight {
-    match description {
+fn light(description: &LightDescription) -> Result<TracedLight, TracedSceneError> {
+    Ok(match description {
         LightDescription::Point(PointLight { position, intensity, .. }) => {
             TracedLight::Point { position: DVec3::from(*position), intensity: DVec3::from(*intensity) }
         }
@@ -450,5 +453,11 @@ fn light(description: &LightDescription) -> TracedLight {
                 radiance: DVec3::from(*radiance),
             }
         }
-    }
+        LightDescription::Spot(_) | LightDescription::Environment(_) => {
+            return Err(TracedSceneError::Unsupported {
+                what: format!("the light {:?}", description.name()),
+                remedy: "use a light of another kind",
+            });
+        }
+    })
 }

@@ -7,7 +7,8 @@ use std::process::ExitCode;
 
 use clerestory_api::ClientError;
 use clerestory_experiments::ExperimentError;
-use clerestory_film::{CompareError, ImageError, PreviewError};
+use clerestory_export::ExportError;
+use clerestory_film::{CompareError, ImageError, LayerError, PreviewError};
 use clerestory_local_render::LocalRenderError;
 use clerestory_render_core::scene::SceneError;
 
@@ -47,9 +48,15 @@ pub(crate) enum Failure {
     /// The options change a scene into one that is not valid.
     #[error("cannot use these options with the scene {}", file.display())]
     Overrides { file: PathBuf, source: SceneError },
+    /// A scene cannot be exported.
+    #[error("cannot export the scene {}", file.display())]
+    Export { file: PathBuf, source: ExportError },
     /// A file is no image that can be used.
     #[error("cannot use the image {}", file.display())]
     Image { file: PathBuf, source: ImageError },
+    /// A file has no layer that can be shown.
+    #[error("cannot use the image {}", file.display())]
+    Layer { file: PathBuf, source: LayerError },
     /// Two images cannot be compared.
     #[error("cannot compare the images")]
     Compare(#[source] CompareError),

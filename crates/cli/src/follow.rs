@@ -349,8 +349,10 @@ impl Follower<'_> {
     fn note_missing_workers(&mut self) {
         self.workers = Workers::Missed;
         let address = self.connection.address();
-        self.progress
-            .note(&format!("The farm has no worker: start one with `clerestory worker --coordinator {address}`"));
+        self.progress.note(&format!(
+            "The farm has no worker yet: unless one is starting, start one with `clerestory worker --coordinator \
+                 {address}`"
+        ));
     }
 
     /// Shows the rounds that no event showed.

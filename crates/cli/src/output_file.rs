@@ -231,6 +231,20 @@ pub(crate) fn check_image_name(file: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Refuses a name for a PNG with the extension of another image format.
+pub(crate) fn check_png_name(file: &Path) -> Result<(), Failure> {
+    let extension = file.extension().unwrap_or_default();
+    let is_other = |other: &str| extension.eq_ignore_ascii_case(other) && other != "png";
+    if FOREIGN_EXTENSIONS.into_iter().chain(["exr"]).any(is_other) {
+        return Err(Failure::Usage(format!(
+            "{} would be a PNG in spite of its name: expected {}",
+            file.display(),
+            file.with_extension("png").display()
+        )));
+    }
+    Ok(())
+}
+
 /// The PNG that belongs to an image: `.exr` becomes `.png`, and to any other name `.png` is added.
 pub(crate) fn png_beside(image: &Path) -> PathBuf {
     if image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {

@@ -9,7 +9,8 @@ const MOST_STOPS: f64 = 32.0;
 /// How a PNG is made. By default it is as bright as a photograph of the same light.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct PreviewArguments {
-    /// Exposure of the PNG: `auto`, or a number of stops; 0 shows radiance 1 as white.
+    /// Exposure of the PNG: `auto`, stops over it such as `auto+1.5`, or a number of stops; 0 shows radiance 1 as
+    /// white.
     #[arg(long, value_name = "STOPS|auto", default_value = "auto", value_parser = parse_exposure,
           allow_negative_numbers = true, requires = "png")]
     exposure: Exposure,
@@ -20,32 +21,44 @@ pub(crate) struct PreviewArguments {
 
 /// Names of the tone curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum CurveName {
+pub(crate) enum CurveName {
     /// Rolls highlights off.
     Filmic,
     /// Cuts off what is brighter than 1.
     Srgb,
 }
 
-impl PreviewArguments {
-    /// The settings in the renderer's words.
-    pub(crate) fn settings(&self) -> PreviewSettings {
-        let curve = match self.curve {
-            CurveName::Filmic => ToneCurve::Filmic,
-            CurveName::Srgb => ToneCurve::Srgb,
-        };
-        PreviewSettings { exposure: self.exposure, curve }
+impl CurveName {
+    /// The curve in the renderer's words.
+    pub(crate) fn curve(self) -> ToneCurve {
+        match self {
+            Self::Filmic => ToneCurve::Filmic,
+            Self::Srgb => ToneCurve::Srgb,
+        }
     }
 }
 
-fn parse_exposure(text: &str) -> Result<Exposure, String> {
-    if text == "auto" {
-        return Ok(Exposure::Automatic);
+impl PreviewArguments {
+    /// The settings in the renderer's words.
+    pub(crate) fn settings(&self) -> PreviewSettings {
+        PreviewSettings { exposure: self.exposure, curve: self.curve.curve() }
     }
-    let stops = text.parse().ok().filter(|stops| (-MOST_STOPS..=MOST_STOPS).contains(stops));
-    stops
-        .map(Exposure::Stops)
-        .ok_or_else(|| format!("expected `auto` or a number of stops from -{MOST_STOPS} to {MOST_STOPS}"))
+}
+
+/// Reads an exposure: `auto`, `auto+1.5`, `auto-2`, or a number of stops.
+pub(crate) fn parse_exposure(text: &str) -> Result<Exposure, String> {
+    let stops = |text: &str| text.parse().ok().filter(|stops| (-MOST_STOPS..=MOST_STOPS).contains(stops));
+    let exposure = match text.strip_prefix("auto") {
+        Some("") => Some(Exposure::Automatic),
+        Some(over) if over.starts_with(['+', '-']) => stops(over).map(Exposure::OverAutomatic),
+        Some(_) => None,
+        None => stops(text).map(Exposure::Stops),
+    };
+    exposure.ok_or_else(|| {
+        format!(
+            "expected `auto`, stops over it such as `auto+1.5`, or a number of stops from -{MOST_STOPS} to {MOST_STOPS}"
+        )
+    })
 }
 
 #[cfg(test)]
@@ -53,10 +66,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_exposure_is_automatic_or_a_number_of_stops() {
+    fn an_exposure_is_automatic_or_over_it_or_a_number_of_stops() {
         assert_eq!(parse_exposure("auto"), Ok(Exposure::Automatic));
         assert_eq!(parse_exposure("-1.5"), Ok(Exposure::Stops(-1.5)));
-        for text in ["33", "-33", "nan", "inf", "bright", "Auto", ""] {
+        assert_eq!(parse_exposure("auto+0.5"), Ok(Exposure::OverAutomatic(0.5)));
+        assert_eq!(parse_exposure("auto-2"), Ok(Exposure::OverAutomatic(-2.0)));
+        for text in ["33", "-33", "nan", "inf", "bright", "Auto", "", "auto1", "auto+", "auto+-1", "auto+33"] {
             assert!(parse_exposure(text).is_err_and(|message| message.contains("auto")), "{text}");
         }
     }

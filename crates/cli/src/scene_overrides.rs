@@ -6,13 +6,15 @@ use std::str::FromStr;
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clerestory_render_core::document::{
-    self, Override, OverrideError, SamplingDescription, SceneBundle, SceneDescription,
+    self, Override, OverrideError, SamplingDescription, SceneBundle, SceneDescription, is_model, scene_around,
 };
 use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::specular::registry::IntegratorDescription;
 
 use crate::failure::Failure;
+use crate::model_options::FileOptions;
 use crate::numbers::whole;
+use crate::progress::Progress;
 
 /// Most pixels along an edge of an image.
 const MOST_PIXELS: u32 = 16384;
@@ -37,6 +39,8 @@ pub(crate) struct SceneOverrides {
     /// Size of the image in pixels.
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<Size>,
+    #[command(flatten)]
+    file: FileOptions,
 }
 
 /// Options that group the samples in another way than the scene.
@@ -75,11 +79,26 @@ impl FromStr for Size {
 impl SceneOverrides {
     /// Loads a scene and changes it.
     pub(crate) fn load(&self, file: &Path, sampling: SamplingOverrides) -> Result<SceneBundle, Failure> {
-        let bundle = document::load(file).map_err(|source| Failure::scene(file, source))?;
+        let bundle = self.read(file)?;
         let mut description = self.apply(bundle.description().clone())?;
         sampling.apply(&mut description.sampling);
         // The scene in the file was valid, so the fault lies in the changes.
         bundle.with_description(description).map_err(|source| Failure::Overrides { file: file.to_owned(), source })
+    }
+
+    /// Reads a scene file, or a file of another program, for which a scene is assumed.
+    fn read(&self, file: &Path) -> Result<SceneBundle, Failure> {
+        if !is_model(file) {
+            if !self.file.is_empty() {
+                let expected = "--unit and --up are for glTF and OBJ files: expected a .glb, .gltf or .obj file";
+                return Err(Failure::Usage(expected.to_owned()));
+            }
+            return document::load(file).map_err(|source| Failure::scene(file, source));
+        }
+        let model = scene_around(file, &self.file.model()).map_err(|source| Failure::scene(file, source))?;
+        let progress = Progress::new();
+        model.expansion.notes.iter().chain(&model.assumptions).for_each(|line| progress.note(line));
+        Ok(model.bundle)
     }
 
     fn apply(&self, mut description: SceneDescription) -> Result<SceneDescription, Failure> {

@@ -107,7 +107,7 @@ fn method(scene: &SceneDescription) -> Variant {
         scene.integrator.scope().is_some_and(|scope| scope.chains.iter().all(|chain| chain.len() == 1));
     if scene.panes.is_empty() {
         if over_one_surface { Variant::conic() } else { Variant::sms() }
-    } else if scene.lights.iter().any(|light| light.build().is_delta()) {
+    } else if scene.lights.iter().any(|light| light.is_delta()) {
         Variant::fnee()
     } else {
         Variant::cone()

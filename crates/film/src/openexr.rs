@@ -77,6 +77,8 @@ impl<'a> OutputPart<'a> {
 /// The header of a part that is read.
 #[derive(Clone, Debug)]
 pub struct InputPart {
+    /// Its name, if it has one.
+    pub(super) name: Option<String>,
     /// The JSON of its attribute, if it has one.
     pub(super) json: Option<String>,
     /// Column and row of its top left pixel in the image.
@@ -500,6 +502,7 @@ fn input_part(header: &Header) -> InputPart {
         _ => None,
     };
     InputPart {
+        name: header.own_attributes.layer_name.as_ref().map(Text::to_string),
         json,
         position: [header.own_attributes.layer_position.x(), header.own_attributes.layer_position.y()],
         display: header.shared_attributes.display_window,

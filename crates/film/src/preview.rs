@@ -18,8 +18,10 @@ use super::image::FrameImage;
 pub enum Exposure {
     /// Radiance is multiplied by 2 to this power; 0 shows radiance 1 as white.
     Stops(f64),
-    /// That at which the [log-average luminance](super::exposure) is a middle grey.
+    /// That at which the average is a middle grey and [coloured light keeps its colour](super::exposure).
     Automatic,
+    /// So many stops brighter than the automatic one.
+    OverAutomatic(f64),
 }
 
 /// How radiance becomes brightness.
@@ -60,19 +62,24 @@ pub fn encode_png(image: &FrameImage, settings: &PreviewSettings) -> Result<Vec<
 }
 
 /// The PNG of pixels in rows from the top left.
-pub(super) fn encode_pixels(
+///
+/// # Errors
+///
+/// [`PreviewError`] when they are not those of such a size, or the image is too large for the format.
+pub fn encode_pixels(
     width: u32,
     height: u32,
     pixels: &[[f32; 3]],
     settings: &PreviewSettings,
 ) -> Result<Vec<u8>, PreviewError> {
-    let scale = match settings.exposure {
-        Exposure::Stops(stops) => libm::exp2(stops),
-        Exposure::Automatic => automatic_scale(pixels),
-    };
-    let codes = Codes::new(scale, settings.curve);
+    let codes = Codes::new(settings.exposure.scale(pixels), settings.curve);
     let codes: Vec<[u8; 3]> = pixels.par_iter().map(|pixel| pixel.map(|radiance| codes.of(radiance))).collect();
     let mut png = Vec::new();
+    // The encoder panics at another number of bytes.
+    let expected = width as usize * height as usize;
+    if codes.len() != expected {
+        return Err(PreviewError::Png(format!("found {} pixels, expected {expected}", codes.len())));
+    }
     PngEncoder::new(&mut png)
         .write_image(codes.as_flattened(), width, height, ExtendedColorType::Rgb8)
         .map_err(|error| PreviewError::Png(error.to_string()))?;
@@ -89,12 +96,31 @@ pub fn automatic_stops(image: &FrameImage) -> f64 {
     libm::log2(automatic_scale(&image.layers().mean))
 }
 
+impl Exposure {
+    /// What it is for these pixels, in stops: to show others, or a part of them, as bright.
+    pub fn stops(self, pixels: &[[f32; 3]]) -> f64 {
+        match self {
+            Self::Stops(stops) => stops,
+            _ => libm::log2(self.scale(pixels)),
+        }
+    }
+
+    /// What radiance is multiplied by.
+    fn scale(self, pixels: &[[f32; 3]]) -> f64 {
+        match self {
+            Self::Stops(stops) => libm::exp2(stops),
+            Self::Automatic => automatic_scale(pixels),
+            Self::OverAutomatic(stops) => automatic_scale(pixels) * libm::exp2(stops),
+        }
+    }
+}
+
 fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
     let mut mean = MeanLuminance::new();
     mean.add(pixels);
-    let mut log = mean.finish();
-    log.add(pixels);
-    log.scale()
+    let mut exposure = mean.finish();
+    exposure.add(pixels);
+    exposure.scale()
 }
 
 /// Bits of a radiance that do not tell its cell: there are 256 cells from each power of two to the next, so that two
@@ -235,6 +261,53 @@ mod tests {
         pixels.push([1e-4; 3]);
         let stops = automatic_stops(&image(pixels));
         assert!((stops - (libm::log2(0.18) - mean)).abs() < 1e-9, "{stops}");
+    }
+
+    /// A grey hall of radiance 1 and 100 of 1000 pixels of other light.
+    fn hall(light: [f32; 3]) -> FrameImage {
+        let mut pixels = vec![[1.0; 3]; 900];
+        pixels.extend([light; 100]);
+        image(pixels)
+    }
+
+    #[test]
+    fn automatic_exposure_keeps_the_colour_of_bright_light_in_a_dark_hall() {
+        // Glass lets some of the other colours through.
+        for (light, strongest) in [([60.0, 4.0, 3.0], 0), ([5.0, 50.0, 8.0], 1), ([4.0, 9.0, 80.0], 2)] {
+            for curve in [ToneCurve::Filmic, ToneCurve::Srgb] {
+                let shown = codes(&hall(light), Exposure::Automatic, curve)[999];
+                let others = (0..3).filter(|channel| *channel != strongest).map(|channel| shown[channel]);
+                assert!(shown[strongest] > 200 && others.max() < Some(150), "{light:?} is shown as {shown:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn automatic_exposure_of_a_hall_is_not_that_of_its_bright_windows_and_fireflies() {
+        let [dark, white] = [[1.0; 3], [200.0; 3]].map(|light| automatic_stops(&hall(light)));
+        let by_average = 0.1 * libm::log2(200.0);
+        assert!((dark - white - by_average).abs() < 1e-9, "the windows count as any other light: {dark}, {white}");
+        let mut fireflies = vec![[1.0; 3]; 1000];
+        fireflies[..10].fill([1e2, 0.0, 0.0]);
+        let stops = automatic_stops(&image(fireflies));
+        // One in a hundred moves the average of the logarithms a little.
+        assert!(stops < dark && stops > dark - 0.1, "{stops}");
+    }
+
+    #[test]
+    fn a_coloured_lamp_does_not_make_its_room_black() {
+        let [dark, lamp] = [[1.0; 3], [1e3, 1e2, 0.0]].map(hall);
+        let by_average = 0.1 * libm::log2(0.2126e3 + 0.7152e2);
+        let darkened = automatic_stops(&dark) - by_average - automatic_stops(&lamp);
+        assert!((darkened - 4.0).abs() < 1e-9, "{darkened} stops");
+    }
+
+    #[test]
+    fn an_exposure_over_the_automatic_one_is_brighter_by_its_stops() {
+        let picture = image(vec![[0.1, 0.2, 0.4], [0.3, 0.1, 0.0]]);
+        let stops = automatic_stops(&picture) + 1.5;
+        let found = codes(&picture, Exposure::OverAutomatic(1.5), ToneCurve::Filmic);
+        assert_eq!(found, codes(&picture, Exposure::Stops(stops), ToneCurve::Filmic));
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! - [`geometry`]: height-field panes, triangles and the hierarchy over both;
 //! - [`settings`]: what the settings of all things in a scene file share;
 //! - [`texture`]: pictures and colours over surfaces;
+//! - [`exchange`]: what things are in words that other programs know;
 //! - [`bsdf`]: materials, one file for each kind;
 //! - [`light`]: lights, one file for each kind;
 //! - [`scene`]: the things of a scene, their checks, and the immutable [`scene::Scene`] built from them;
@@ -24,6 +25,7 @@
 
 pub mod bsdf;
 pub mod document;
+pub mod exchange;
 pub mod geometry;
 pub mod integrator;
 pub mod light;

@@ -1,5 +1,5 @@
-//! The arrows of the architecture: `cli -> {coordinator, worker, experiments} -> {api, render-core} -> film`, what each
-//! crate never names, and the order of the modules in each.
+//! The arrows of the architecture, what each crate never names, and the order of the modules in each:
+//! `cli -> {coordinator, worker, experiments, export} -> {api, render-core} -> film`.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot read its own workspace has failed")]
 
@@ -11,10 +11,11 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand};
 use crate::modules::ModuleGraph;
 
 /// Which crates of the workspace each of them may depend on.
-const ARROWS: [(&str, &[&str]); 10] = [
+const ARROWS: [(&str, &[&str]); 11] = [
     ("clerestory-api", &[]),
     ("clerestory-film", &[]),
     ("clerestory-render-core", &["clerestory-film"]),
+    ("clerestory-export", &["clerestory-film", "clerestory-render-core"]),
     ("clerestory-local-render", &["clerestory-film", "clerestory-render-core"]),
     (
         "clerestory-experiments",
@@ -28,6 +29,7 @@ const ARROWS: [(&str, &[&str]); 10] = [
             "clerestory-api",
             "clerestory-coordinator",
             "clerestory-experiments",
+            "clerestory-export",
             "clerestory-film",
             "clerestory-local-render",
             "clerestory-render-core",
@@ -46,9 +48,10 @@ const FOREIGN_TO_RENDER_CORE: [&str; 9] =
     ["tokio", "reqwest", "axum", "hyper", "rusqlite", "sqlx", "object_store", "chrono", "time"];
 
 /// Crates whose modules have an order.
-const ORDERED_CRATES: [&str; 7] = [
+const ORDERED_CRATES: [&str; 8] = [
     "crates/film",
     "crates/render-core",
+    "crates/export",
     "crates/local-render",
     "crates/worker",
     "crates/experiments",

@@ -4,6 +4,7 @@
 mod auto;
 mod bias;
 mod connections;
+mod environments;
 mod laws;
 mod laws_energy;
 mod laws_index;
@@ -19,5 +20,6 @@ mod room;
 mod scenes;
 mod smooth_meshes;
 mod solutions;
+mod spots;
 mod two_interfaces;
 mod water_caustics;

@@ -3,9 +3,12 @@
 mod bench;
 mod cancel;
 mod compare;
+mod convert;
 mod coordinator;
 mod demo;
+mod export;
 mod farm;
+mod import;
 mod jobs;
 mod release;
 mod render;
@@ -43,8 +46,14 @@ pub(crate) enum Command {
     Release(OneJob),
     /// Measure how far an image is from a reference.
     Compare(compare::CompareArguments),
+    /// Make a PNG of an OpenEXR image: another exposure, another layer, a part of it.
+    Convert(convert::ConvertArguments),
+    /// Write a scene as a folder of files that other programs read.
+    Export(export::ExportArguments),
     /// Measure again what papers show.
     Bench(bench::BenchArguments),
+    /// Write a scene around a building or another model: a glTF or OBJ file.
+    Import(import::ImportArguments),
     /// Write a scene that is computed.
     Scene(scene::SceneArguments),
     /// Look at a scene in the browser: move the camera and the sun, and watch the picture become clear.
@@ -73,7 +82,10 @@ pub(crate) async fn run(command: Command) -> Result<(), Failure> {
         Command::Cancel(arguments) => cancel::run(arguments).await,
         Command::Release(arguments) => release::run(arguments).await,
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments).await,
+        Command::Import(arguments) => import::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::View(arguments) => view::run(arguments).await,
         Command::Demo(arguments) => demo::run(arguments).await,

@@ -2,9 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
+mod convert;
 #[cfg(target_os = "linux")]
 mod demo;
 mod experiments;
+mod export;
 mod failures;
 mod jobs;
 mod render;

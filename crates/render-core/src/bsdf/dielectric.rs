@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fresnel::{Refraction, reflect, refract};
 use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta};
+use crate::exchange::SurfaceModel;
 use crate::settings::check::check_range;
 use crate::settings::{Check, JsonPath};
 use crate::texture::Bitmaps;
@@ -42,6 +43,10 @@ impl MaterialSettings for DielectricMaterial {
         true
     }
 
+    fn model(&self, _: &Bitmaps<'_>) -> Option<SurfaceModel> {
+        Some(SurfaceModel::Dielectric { index_of_refraction: self.index_of_refraction })
+    }
+
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
         Arc::new(Dielectric { index_of_refraction: self.index_of_refraction })
     }
@@ -66,7 +71,8 @@ impl DeltaBsdf for Dielectric {
         goes_through.then_some(Crossing { direction: refracted, ratio, transmittance })
     }
 
-    fn reflect(&self, direction: DVec3, normals: &Normals) -> Option<(DVec3, DVec3)> {
+    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)> {
+        let normals = &at.normals;
         let reflected = reflected(direction, normals)?;
         let ratio = self.ratio(direction, normals)?;
         let refraction = refract(direction, normals.shading, 1.0, ratio);

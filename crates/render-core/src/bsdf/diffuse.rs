@@ -8,10 +8,11 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Bsdf, BsdfSample, MaterialSettings, SampleKind, SurfacePoint};
+use super::{Bsdf, BsdfSample, MaterialSettings, SampleKind, SurfacePoint, textures};
+use crate::exchange::{ColourModel, SurfaceModel};
 use crate::geometry::Frame;
 use crate::settings::{Check, JsonPath};
-use crate::texture::{Bitmaps, Colour, ColourDescription};
+use crate::texture::{Bitmaps, Colour, ColourDescription, TextureUse};
 
 /// Lambertian reflection on both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,8 +32,12 @@ impl MaterialSettings for DiffuseMaterial {
         false
     }
 
-    fn texture(&self) -> Option<(String, &str)> {
-        self.reflectance.file().map(|(path, file)| (format!("reflectance.{path}"), file))
+    fn textures(&self) -> Vec<TextureUse<'_>> {
+        textures(&[("reflectance", &self.reflectance)])
+    }
+
+    fn model(&self, bitmaps: &Bitmaps<'_>) -> Option<SurfaceModel> {
+        Some(SurfaceModel::Diffuse { reflectance: ColourModel::of(self.reflectance.build(bitmaps))? })
     }
 
     fn build(&self, bitmaps: &Bitmaps<'_>) -> Arc<dyn Bsdf> {

@@ -42,6 +42,23 @@ pub fn fresnel_transmittance(index_in: f64, index_out: f64, cos_in: f64, cos_out
     1.0 - 0.5 * (perpendicular * perpendicular + parallel * parallel)
 }
 
+/// The part of light that a smooth dielectric interface reflects, by the cosine before it and the index of refraction
+/// behind it over that before it; unpolarised.
+pub(super) fn fresnel_reflectance(cos_in: f64, ratio: f64) -> f64 {
+    let cos_out_squared = 1.0 - (1.0 - cos_in * cos_in) / (ratio * ratio);
+    if cos_out_squared <= 0.0 {
+        return 1.0;
+    }
+    1.0 - fresnel_transmittance(1.0, ratio, cos_in, cos_out_squared.sqrt())
+}
+
+/// What Schlick's approximation adds of the part that is not reflected along the normal: `(1 - cos)^5` (Schlick 1994).
+pub(super) fn schlick_weight(cosine: f64) -> f64 {
+    let rest = (1.0 - cosine).clamp(0.0, 1.0);
+    let squared = rest * rest;
+    squared * squared * rest
+}
+
 /// Transmittance by Beer and Lambert's law over `distance` metres, for an absorption coefficient per metre.
 pub fn absorption(coefficient: DVec3, distance: f64) -> DVec3 {
     if coefficient == DVec3::ZERO {

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::dielectric::reflected;
 use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta};
+use crate::exchange::SurfaceModel;
 use crate::settings::check::check_triple;
 use crate::settings::{Check, JsonPath, Triple};
 use crate::texture::Bitmaps;
@@ -37,6 +38,10 @@ impl MaterialSettings for MirrorMaterial {
         true
     }
 
+    fn model(&self, _: &Bitmaps<'_>) -> Option<SurfaceModel> {
+        Some(SurfaceModel::Mirror { reflectance: self.reflectance })
+    }
+
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
         Arc::new(Mirror { reflectance: self.reflectance.into() })
     }
@@ -57,8 +62,8 @@ impl DeltaBsdf for Mirror {
         None
     }
 
-    fn reflect(&self, direction: DVec3, normals: &Normals) -> Option<(DVec3, DVec3)> {
-        reflected(direction, normals).map(|reflected| (reflected, self.reflectance))
+    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)> {
+        reflected(direction, &at.normals).map(|reflected| (reflected, self.reflectance))
     }
 }
 

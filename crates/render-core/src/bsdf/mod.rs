@@ -5,30 +5,45 @@
 //! A mesh has two normals. That of the triangle says on which side a ray is. The interpolated one says where the ray
 //! goes.
 
+mod albedo_table;
+mod conductor;
 mod dielectric;
 mod diffuse;
 #[cfg(test)]
 mod example;
 pub mod fresnel;
+mod glossy;
+#[cfg(test)]
+mod laws;
+mod metallic_roughness;
+mod microfacet;
 mod mirror;
 mod registry;
+mod rough_dielectric;
+mod shading_frame;
 #[cfg(test)]
 mod tests;
+mod thin_wall;
 
 use std::fmt;
 use std::sync::Arc;
 
 use clerestory_film::SampleStream;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
+pub use conductor::ConductorMaterial;
 pub use dielectric::DielectricMaterial;
 pub(crate) use dielectric::crown_glass;
 pub use diffuse::DiffuseMaterial;
+pub use metallic_roughness::MetallicRoughnessMaterial;
 pub use mirror::MirrorMaterial;
 pub use registry::MaterialDescription;
+pub use rough_dielectric::RoughDielectricMaterial;
+pub use thin_wall::ThinWallMaterial;
 
+use crate::exchange::SurfaceModel;
 use crate::settings::{Check, JsonPath};
-use crate::texture::Bitmaps;
+use crate::texture::{Bitmaps, ColourDescription, TextureCoordinates, TextureUse};
 
 /// The settings of a material in the scene file.
 pub trait MaterialSettings {
@@ -39,16 +54,41 @@ pub trait MaterialSettings {
     /// The first setting that makes no sense, with its place, what stands there and what would be right.
     fn check(&self, path: &JsonPath<'_>) -> Check;
 
-    /// Whether it scatters into single directions ([`Bsdf::as_delta`]).
+    /// Whether it scatters into single directions ([`Bsdf::is_delta`]).
     fn is_delta(&self) -> bool;
 
-    /// The picture that it names, with its place below the settings.
-    fn texture(&self) -> Option<(String, &str)> {
+    /// Whether specular methods look for light by way of it ([`Bsdf::as_delta`]).
+    fn is_searched(&self) -> bool {
+        self.is_delta()
+    }
+
+    /// Whether light is scattered at the interpolated normals of a mesh rather than at those of its triangles.
+    fn uses_normals(&self) -> bool {
+        self.is_delta()
+    }
+
+    /// The pictures that it names.
+    fn textures(&self) -> Vec<TextureUse<'_>> {
+        Vec::new()
+    }
+
+    /// What it is for other programs, with pictures that have been decoded; `None` if it cannot be exported.
+    fn model(&self, _bitmaps: &Bitmaps<'_>) -> Option<SurfaceModel> {
         None
     }
 
     /// The material, from settings that have been checked and with pictures that have been decoded.
     fn build(&self, bitmaps: &Bitmaps<'_>) -> Arc<dyn Bsdf>;
+}
+
+/// The pictures of colours, with their places below the settings of which the colours are members.
+fn textures<'a>(colours: &[(&str, &'a ColourDescription)]) -> Vec<TextureUse<'a>> {
+    colours.iter().filter_map(|(member, colour)| colour.texture(member)).collect()
+}
+
+/// That light fades out before the terminator of the triangles, by default.
+fn soft() -> bool {
+    true
 }
 
 /// The normals at a point of a mesh, on the same side of it. Unit length.
@@ -77,8 +117,8 @@ impl Normals {
 pub struct SurfacePoint {
     /// Its normals.
     pub normals: Normals,
-    /// Its texture coordinate; zero where the mesh has none.
-    pub texture: DVec2,
+    /// Its texture coordinates.
+    pub texture: TextureCoordinates,
 }
 
 /// What light does at a specular vertex.
@@ -113,12 +153,14 @@ pub enum SampleKind {
 /// How a surface scatters light. A path comes along `incident` and goes on along `outgoing`, both unit vectors in the
 /// direction of travel. Radiance is carried along the path's reverse.
 pub trait Bsdf: fmt::Debug + Send + Sync {
-    /// The scattering into single directions; `None` where light is scattered into a solid angle.
+    /// The scattering into single directions by which specular methods look for light; `None` where light is scattered
+    /// into a solid angle, and where all light over the surface is left to chance.
     fn as_delta(&self) -> Option<&dyn DeltaBsdf> {
         None
     }
 
-    /// Whether light is scattered into single directions, so that no connection to a light can be evaluated.
+    /// Whether light is scattered into single directions, so that no connection to a light can be evaluated. Delta
+    /// surfaces that no method searches say so themselves.
     fn is_delta(&self) -> bool {
         self.as_delta().is_some()
     }
@@ -160,7 +202,7 @@ pub trait DeltaBsdf {
 
     /// The direction that is reflected, and the fraction of light that is; `None` where the normals contradict each
     /// other.
-    fn reflect(&self, direction: DVec3, normals: &Normals) -> Option<(DVec3, DVec3)>;
+    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)>;
 }
 
 /// A ray that goes through a boundary.
@@ -198,7 +240,7 @@ fn sample_delta(
             kind: SampleKind::Delta(SpecularEvent::Transmission),
         }),
         _ => {
-            let (direction, fraction) = bsdf.reflect(incident, &at.normals)?;
+            let (direction, fraction) = bsdf.reflect(incident, at)?;
             Some(BsdfSample {
                 direction,
                 // The part of the light that is transmitted is that which is not drawn, or lost.

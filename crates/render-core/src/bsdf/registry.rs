@@ -1,6 +1,9 @@
 //! The registry of materials.
 
-use super::{DielectricMaterial, DiffuseMaterial, MaterialSettings, MirrorMaterial};
+use super::{
+    ConductorMaterial, DielectricMaterial, DiffuseMaterial, MaterialSettings, MetallicRoughnessMaterial,
+    MirrorMaterial, RoughDielectricMaterial, ThinWallMaterial,
+};
 use crate::settings::kinds;
 
 kinds! {
@@ -9,5 +12,9 @@ kinds! {
         "diffuse" => Diffuse(DiffuseMaterial),
         "dielectric" => Dielectric(DielectricMaterial),
         "mirror" => Mirror(MirrorMaterial),
+        "conductor" => Conductor(ConductorMaterial),
+        "rough_dielectric" => RoughDielectric(RoughDielectricMaterial),
+        "thin_wall" => ThinWall(ThinWallMaterial),
+        "metallic_roughness" => MetallicRoughness(MetallicRoughnessMaterial),
     }
 }

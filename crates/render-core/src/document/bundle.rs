@@ -1,6 +1,7 @@
 //! A scene with the bytes of its assets: what is hashed, sent to the farm, and built.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::collections::btree_map::Entry;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
@@ -9,7 +10,7 @@ use super::SceneDescription;
 use super::canonical::scene_hash;
 #[cfg(test)]
 use crate::scene::Scene;
-use crate::scene::assets::asset_uses;
+use crate::scene::asset_uses::asset_uses;
 use crate::scene::{Asset, Assets, SceneHash, SceneMemory};
 use crate::settings::limits::{MAX_ASSET_BYTES, MAX_SCENE_BYTES};
 use crate::settings::{AssetProblem, SceneError};
@@ -58,12 +59,15 @@ impl SceneBundle {
     /// Builds the things of the scene, without the method that its settings name.
     #[cfg(test)]
     pub(crate) fn build_scene(&self) -> Result<Scene, SceneError> {
-        Scene::build(self.description.parts(), &self.assets, &mut |_| ())
+        Scene::build(self.description.expanded(&self.assets)?.parts(), &self.assets, &mut |_| ())
     }
 
-    /// What the scene is made of, and how much memory that takes.
+    /// What the scene is made of, and how much memory that takes. Imports that cannot be read count as nothing:
+    /// building them says what is wrong.
     pub fn memory(&self) -> SceneMemory {
-        SceneMemory::of(self.description.parts(), &self.assets)
+        let expanded = self.description.expanded(&self.assets);
+        let description = expanded.as_deref().unwrap_or(&self.description);
+        SceneMemory::of(description.parts(), &self.assets)
     }
 
     /// The identity of the scene: everything that can change a pixel goes into it, and no white space or order of
@@ -98,19 +102,27 @@ pub fn load(file: &Path) -> Result<SceneBundle, SceneError> {
     let json = read_at_most(file, MAX_SCENE_BYTES as u64).map_err(unreadable)?;
     let description = SceneDescription::parse(&json)?;
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let uses = asset_uses(description.parts()).into_iter().map(|(path, name)| (path, name.to_owned()));
+    let assets = load_assets(folder, uses)?;
+    SceneBundle::from_parts(description, assets)
+}
+
+/// Reads files of a folder, with the places that name them.
+pub(super) fn load_assets(
+    folder: &Path,
+    uses: impl IntoIterator<Item = (String, String)>,
+) -> Result<Assets, SceneError> {
+    let unreadable = |source| SceneError::Unreadable { file: folder.to_owned(), source };
     let folder = fs::canonicalize(folder).map_err(unreadable)?;
-    let mut assets = BTreeMap::new();
-    for (path, name) in asset_uses(description.parts()) {
-        if !assets.contains_key(name) {
-            let asset = load_asset(&folder, name).map_err(|problem| SceneError::Asset {
-                path,
-                name: name.to_owned(),
-                problem,
-            })?;
-            assets.insert(name.to_owned(), asset);
+    let mut assets = Assets::new();
+    for (path, name) in uses {
+        if let Entry::Vacant(place) = assets.entry(name) {
+            let asset = load_asset(&folder, place.key());
+            let asset = asset.map_err(|problem| SceneError::Asset { path, name: place.key().clone(), problem })?;
+            place.insert(asset);
         }
     }
-    SceneBundle::from_parts(description, assets)
+    Ok(assets)
 }
 
 fn load_asset(folder: &Path, name: &str) -> Result<Asset, AssetProblem> {
@@ -142,6 +154,8 @@ fn too_large(bytes: u64) -> AssetProblem {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use serde_json::{Value, json};
 
     use super::super::malformed_scenes::valid_scene;

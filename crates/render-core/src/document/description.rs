@@ -11,6 +11,7 @@ use crate::bsdf::MaterialDescription;
 use crate::light::LightDescription;
 use crate::scene::SceneParts;
 use crate::scene::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
+use crate::scene::import::ImportDescription;
 use crate::specular::registry::IntegratorDescription;
 
 /// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
@@ -47,6 +48,9 @@ pub struct SceneDescription {
     /// Triangle meshes.
     #[serde(default)]
     pub meshes: Vec<MeshDescription>,
+    /// Files of other programs, whose meshes, materials and lights are in the scene.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub imports: Vec<ImportDescription>,
     /// Window panes, at most 4096.
     #[serde(default)]
     #[schemars(length(max = 4096))]
@@ -84,6 +88,7 @@ impl SceneDescription {
             film: self.film,
             materials: &self.materials,
             meshes: &self.meshes,
+            imports: &self.imports,
             panes: &self.panes,
             lights: &self.lights,
         }

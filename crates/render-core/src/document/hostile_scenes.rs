@@ -15,6 +15,9 @@ const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\npr
                    end_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n";
 const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\nf 3//1 2 1\n";
 
+const SKY: &[u8] = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 8\n\x02\x02\0\x08\x88\x80\x88\x40\x88\x20\x88\x81\
+                     \x80\x40\x20\x81\x01\x01\x01\x07";
+
 /// A scene with an asset of every kind.
 fn scene_with_assets() -> (Value, BTreeMap<String, Vec<u8>>) {
     let mut scene = valid_scene();
@@ -25,6 +28,8 @@ fn scene_with_assets() -> (Value, BTreeMap<String, Vec<u8>>) {
     meshes.push(json!({"name": "b", "material": "stone", "source": {"obj": {"file": "b.obj"}}}));
     scene["panes"][0]["front"] = json!({"height_map": {"file": "front.exr"}});
     scene["panes"][0]["back"] = json!({"height_map": {"file": "back.png", "scale": 1e-4}});
+    let sky = json!({"environment": {"name": "sky", "radiance": {"picture": {"file": "sky.hdr"}}}});
+    scene["lights"].as_array_mut().unwrap().push(sky);
     // Coarse profiles, so that thousands of scenes are built in seconds.
     scene["panes"][1]["front"]["hammered"]["wavelength"] = json!(0.3);
     scene["panes"][1]["back"]["cylinder"]["wavelength"] = json!(0.3);
@@ -34,6 +39,7 @@ fn scene_with_assets() -> (Value, BTreeMap<String, Vec<u8>>) {
         ("a.ply", PLY.as_bytes().to_vec()),
         ("b.obj", OBJ.as_bytes().to_vec()),
         ("front.exr", encode_exr(4, 3, &[("Y", &[1e-5; 12])])),
+        ("sky.hdr", SKY.to_vec()),
         ("back.png", encode_png(image::DynamicImage::new_luma16(3, 4))),
     ];
     (scene, assets.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect())

@@ -295,6 +295,42 @@ fn values_out_of_range_are_named_with_what_would_be_right() {
             &["found 2"],
         ),
         (
+            "/materials/stone",
+            json!({"conductor": {"reflectance": {"colour": [1, 1, 1]}, "roughness": 1.5}}),
+            "materials.stone.conductor.roughness",
+            &["found 1.5", "0 to 1"],
+        ),
+        (
+            "/materials/stone",
+            json!({"conductor": {"reflectance": {"texture": {"file": "../gold.png"}}, "roughness": 0.5}}),
+            "materials.stone.conductor.reflectance.texture.file",
+            &["../gold.png"],
+        ),
+        (
+            "/materials/stone",
+            json!({"rough_dielectric": {"index_of_refraction": 4, "roughness": 0.1}}),
+            "materials.stone.rough_dielectric.index_of_refraction",
+            &["found 4.0", "1 to 3"],
+        ),
+        (
+            "/materials/stone",
+            json!({"thin_wall": {"tint": {"colour": [1, 1, 1.1]}}}),
+            "materials.stone.thin_wall.tint.colour[2]",
+            &["found 1.1"],
+        ),
+        (
+            "/materials/stone",
+            json!({"metallic_roughness": {"metallic": -0.5}}),
+            "materials.stone.metallic_roughness.metallic",
+            &["found -0.5", "0 to 1"],
+        ),
+        (
+            "/materials/stone",
+            json!({"metallic_roughness": {"index_of_refraction": 0.5}}),
+            "materials.stone.metallic_roughness.index_of_refraction",
+            &["found 0.5", "0, or 1 and more"],
+        ),
+        (
             "/meshes/0/source/inline/normals",
             json!([[0, 0, 1]]),
             "meshes[0].source.inline.normals",
@@ -396,6 +432,44 @@ fn values_out_of_range_are_named_with_what_would_be_right() {
     for (pointer, value, path, fragments) in cases {
         check(&with(pointer, value.clone()), path, fragments);
     }
+}
+
+#[test]
+fn spots_and_environments_are_checked() {
+    let spot = |name: &str, value: Value| {
+        let mut spot = json!({
+            "name": "spot", "position": [0, 0, 3], "direction": [0, 0, -1], "intensity": [1, 1, 1], "inner_angle": 10,
+            "outer_angle": 40});
+        spot[name] = value;
+        with("/lights/4", json!({"spot": spot}))
+    };
+    assert!(SceneDescription::parse(spot("inner_angle", json!(40)).as_bytes()).is_ok());
+    let angle = "lights[4].spot.outer_angle";
+    check(&spot("outer_angle", json!(0)), angle, &["found 0.0", "more than 0 and at most 90"]);
+    check(&spot("outer_angle", json!(91)), angle, &["found 91.0"]);
+    check(&spot("inner_angle", json!(41)), "lights[4].spot.inner_angle", &["found 41.0", "0 to 40"]);
+    check(&spot("direction", json!([0, 0, 0])), "lights[4].spot.direction", &["length above"]);
+    check(&spot("intensity", json!([1, 1, -1])), "lights[4].spot.intensity[2]", &["found -1.0"]);
+    check(&spot("position", json!([0, 0, 1e13])), "lights[4].spot.position[2]", &["found 10000000000000.0"]);
+
+    let sky = |name: &str, value: Value| {
+        let mut sky = json!({"name": "sky", "radiance": {"colour": [1, 1, 1]}});
+        sky[name] = value;
+        json!({"environment": sky})
+    };
+    let with_sky = |name: &str, value: Value| with("/lights/4", sky(name, value));
+    assert!(SceneDescription::parse(with_sky("rotate", json!([0, 0, 90])).as_bytes()).is_ok());
+    let radiance = "lights[4].environment.radiance";
+    let negative = with_sky("radiance", json!({"colour": [0, -1, 0]}));
+    check(&negative, &format!("{radiance}.colour[1]"), &["found -1.0"]);
+    let above = with_sky("radiance", json!({"picture": {"file": "../sky.exr"}}));
+    check(&above, &format!("{radiance}.picture.file"), &["a path relative to the scene file"]);
+    check(&with_sky("scale", json!(-1)), "lights[4].environment.scale", &["found -1.0", "0 to 1000000"]);
+    check(&with_sky("rotate", json!([1e9, 0, 0])), "lights[4].environment.rotate[0]", &["found 1000000000.0"]);
+    let mut two = valid_scene();
+    two["lights"][1] = sky("name", json!("a"));
+    two["lights"][3] = sky("name", json!("b"));
+    check(&two.to_string(), "lights[3].environment", &["a second environment", "lights[1] is one"]);
 }
 
 #[test]

@@ -1,15 +1,18 @@
 //! What an image of a scene will lack: the light that the chosen integrator and its settings leave out. And what it
-//! will show late: the light of small lights that they leave to chance.
+//! will show late: the light of small lights, and of the environment, that they leave to chance.
 //!
 //! These are classes of paths. How much light there is in them depends on the scene. A class without a path that the
 //! path filter lets through is not named.
+
+use glam::DVec3;
 
 use super::PathFilter;
 use super::SceneDescription;
 use crate::geometry::Pane;
 use crate::light::SELDOM_MET;
 use crate::scene::Scene;
-use crate::specular::missing::{Contents, LightGroup, PathClass};
+use crate::scene::description::MeshDescription;
+use crate::specular::missing::{Contents, LightGroup, PathClass, unowned_of_environment};
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
 const VERTICES_THROUGH_PANE: u32 = 3;
@@ -18,20 +21,27 @@ const VERTICES_THROUGH_PANE: u32 = 3;
 const MOST_NAMES: usize = 3;
 
 impl SceneDescription {
-    /// The light of small lights that an image of the scene built from this leaves to chance, in words, for its
-    /// metadata.
+    /// The light of small lights and of the environment that an image of the scene built from this leaves to chance, in
+    /// words, for its metadata.
     pub fn left_to_chance(&self, scene: &Scene) -> Vec<String> {
-        let meshes = (0u32..)
-            .zip(scene.meshes())
-            .filter(|(_, mesh)| mesh.is_specular())
-            .map(|(mesh, _)| scene.mesh_bounds(mesh));
-        let glass: Vec<_> = scene.panes().iter().map(Pane::world_bounds).chain(meshes).collect();
-        let is_small = |solid_angle: f64| solid_angle < SELDOM_MET;
-        let small = scene.lights().iter().filter(|light| {
-            light.emission().max_element() > 0.0
-                && glass.iter().any(|bounds| light.largest_solid_angle(*bounds).is_some_and(is_small))
-        });
-        self.left_to_chance_of(&small.map(|light| light.name.as_str()).collect::<Vec<_>>())
+        let meshes = |is_one: &dyn Fn(&MeshDescription) -> bool| {
+            let chosen = (0u32..).zip(&self.meshes).filter(|(_, mesh)| is_one(mesh));
+            chosen.map(|(mesh, _)| scene.mesh_bounds(mesh)).collect::<Vec<_>>()
+        };
+        let specular = meshes(&|mesh| self.parts().is_specular(mesh));
+        let glass: Vec<_> = scene.panes().iter().map(Pane::world_bounds).chain(specular).collect();
+        let mut classes = Vec::new();
+        if let Some(group) = small_lights(scene, &glass) {
+            classes.extend(self.integrator.unowned(&group, self.contents()));
+        }
+        let walls = meshes(&|mesh| self.parts().is_left_to_chance(mesh));
+        classes.extend(small_lights(scene, &walls).map(|group| group.over_thin_walls()));
+        let environment = scene.light_sampler().environment().map(|index| &scene.lights()[index as usize]);
+        if let Some(light) = environment.filter(|light| light.emission().max_element() > 0.0 && !glass.is_empty()) {
+            let group = LightGroup { name: format!("the environment \"{}\"", light.name), can_be_met: true };
+            classes.extend(unowned_of_environment(&group, self.contents(), self.integrator.finds_environment()));
+        }
+        self.rendered(classes)
     }
 
     /// The light that an image of this scene lacks, in words, for its metadata.
@@ -45,32 +55,22 @@ impl SceneDescription {
         }
         missing.extend(self.long_paths());
         let contents = self.contents();
-        if contents.panes + contents.meshes == 0 {
-            return missing;
+        let points = LightGroup { name: "point lights".to_owned(), can_be_met: false };
+        let mut classes = Vec::new();
+        if contents.panes + contents.meshes > 0 {
+            // Methods search for the light of all lights but the environment.
+            if self.lights.iter().any(|light| !light.is_environment()) {
+                classes.extend(self.integrator.unfound(contents));
+            }
+            if contents.has_points {
+                classes.extend(self.integrator.unowned(&points, contents));
+            }
         }
-        let mut classes = self.integrator.unfound(contents);
-        if contents.has_points {
-            classes.extend(
-                self.integrator
-                    .unowned(&LightGroup { name: "point lights".to_owned(), can_be_met: false }, self.contents()),
-            );
+        if contents.has_points && self.meshes.iter().any(|mesh| self.parts().is_left_to_chance(mesh)) {
+            classes.push(points.over_thin_walls());
         }
         missing.extend(self.rendered(classes));
         missing
-    }
-
-    /// Light of the lights with these names, which are small, that no method owns.
-    fn left_to_chance_of(&self, names: &[&str]) -> Vec<String> {
-        if names.is_empty() {
-            return Vec::new();
-        }
-        let quoted: Vec<String> = names.iter().take(MOST_NAMES).map(|name| format!("\"{name}\"")).collect();
-        let name = match names.len() {
-            1 => format!("the small light {}", quoted[0]),
-            count if count <= MOST_NAMES => format!("the small lights {}", quoted.join(", ")),
-            count => format!("{count} small lights, {} and so on,", quoted.join(", ")),
-        };
-        self.rendered(self.integrator.unowned(&LightGroup { name, can_be_met: true }, self.contents()))
     }
 
     /// Those classes of which the path filter lets some path through.
@@ -88,7 +88,7 @@ impl SceneDescription {
     }
 
     fn has_points(&self) -> bool {
-        self.lights.iter().any(|light| light.build().is_delta())
+        self.lights.iter().any(|light| light.is_delta())
     }
 
     fn specular_meshes(&self) -> usize {
@@ -109,6 +109,24 @@ impl SceneDescription {
         }
         Some(paths)
     }
+}
+
+/// The lights that are small as seen from one of these boxes; `None` where there are none.
+fn small_lights(scene: &Scene, boxes: &[[DVec3; 2]]) -> Option<LightGroup> {
+    let is_small = |solid_angle: f64| solid_angle < SELDOM_MET;
+    let small = scene.lights().iter().filter(|light| {
+        light.emission().max_element() > 0.0
+            && boxes.iter().any(|bounds| light.largest_solid_angle(*bounds).is_some_and(is_small))
+    });
+    let names: Vec<&str> = small.map(|light| light.name.as_str()).collect();
+    let quoted: Vec<String> = names.iter().take(MOST_NAMES).map(|name| format!("\"{name}\"")).collect();
+    let name = match names.len() {
+        0 => return None,
+        1 => format!("the small light {}", quoted[0]),
+        count if count <= MOST_NAMES => format!("the small lights {}", quoted.join(", ")),
+        count => format!("{count} small lights, {} and so on,", quoted.join(", ")),
+    };
+    Some(LightGroup { name, can_be_met: true })
 }
 
 #[cfg(test)]
@@ -240,6 +258,29 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_to_chance_of_an_environment_is_named() {
+        let of = |integrator: Value, change: &dyn Fn(&mut Value)| {
+            let mut scene = valid_scene();
+            scene["integrator"] = integrator;
+            scene["lights"] = json!([{"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}}]);
+            change(&mut scene);
+            let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+            assert!(description.missing_light().iter().all(|text| text.contains("max_depth")));
+            let bundle =
+                crate::document::SceneBundle::from_parts(description, std::collections::BTreeMap::new()).unwrap();
+            bundle.description().left_to_chance(&bundle.build_scene().unwrap())
+        };
+        let all = "light of the environment \"sky\" that comes through or off a pane or a specular mesh to a surface";
+        check(&of(json!({"path": {}}), &|_| {}), &[all]);
+        for integrator in ["auto", "cone", "fnee", "sms", "mnee", "conic"] {
+            check(&of(json!({integrator: {}}), &|_| {}), &["environment \"sky\" that a pane reflects", "0.06"]);
+        }
+        assert_eq!(of(json!({"path": {}}), &|scene| scene["panes"] = json!([])), [""; 0]);
+        let dark = json!([{"environment": {"name": "night", "radiance": {"colour": [0, 0, 0]}}}]);
+        assert_eq!(of(json!({"path": {}}), &|scene| scene["lights"] = dark.clone()), [""; 0]);
+    }
+
+    #[test]
     fn light_of_small_lights_that_no_method_looks_for_is_named() {
         let of = |change: &dyn Fn(&mut Value)| {
             let mut scene = valid_scene();
@@ -286,5 +327,23 @@ mod tests {
         check(&with(json!({"mnee": {"missed": "dropped"}})), &["than TT (chains)"]);
         check(&with(json!({"conic": {}})), &["one specular mesh (T; chains)"]);
         check(&with(json!({"fnee": {"selection": "sharp"}})), &["more than one pane", "0.06", "meets first"]);
+    }
+
+    #[test]
+    fn light_over_thin_walls_is_missing_from_points_and_late_from_small_lights() {
+        let mut scene = valid_scene();
+        scene["panes"] = json!([]);
+        scene["materials"] = json!({"stone": {"thin_wall": {}}});
+        scene["integrator"] = json!({"path": {}});
+        let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        let wall = "through or off a thin wall to a surface";
+        check(
+            &description.missing_light(),
+            &["more than 16 vertices", &format!("light of point lights that comes {wall}")],
+        );
+        let bundle = crate::document::SceneBundle::from_parts(description, std::collections::BTreeMap::new()).unwrap();
+        let late = bundle.description().left_to_chance(&bundle.build_scene().unwrap());
+        check(&late, &[wall]);
+        assert!(late[0].contains("\"sun\""), "{late:?}");
     }
 }

@@ -10,10 +10,12 @@ mod canonical;
 mod description;
 #[cfg(test)]
 mod hostile_scenes;
+mod imports;
 mod integrators;
 #[cfg(test)]
 pub(crate) mod malformed_scenes;
 mod missing_light;
+mod model_scene;
 pub mod nave;
 mod overrides;
 mod parse;
@@ -32,6 +34,7 @@ pub use bundle::{SceneBundle, asset_names, load};
 pub use canonical::{SceneHeader, canonical_json};
 pub use description::{SamplingDescription, SceneDescription};
 pub use integrators::{IntegratorEntry, integrators};
+pub use model_scene::{ModelOptions, ModelScene, is_model, scene_around};
 pub use overrides::{Override, OverrideError, apply};
 pub use path_filter::{FilterState, PathEvent, PathFilter, PathFilterError};
 pub use schema::scene_schema;

@@ -5,9 +5,10 @@ use std::str::FromStr;
 use serde_json::{Map, Value};
 use thiserror::Error;
 
-use super::path::{Step, matches, parse};
+use super::path::{Step, parse};
 use crate::document::{SceneDescription, scene_schema};
 use crate::scene::SceneError;
+use crate::settings::pattern::matches;
 use crate::settings::schema_place::Place;
 use crate::specular::registry::IntegratorDescription;
 

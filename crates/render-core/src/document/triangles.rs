@@ -82,6 +82,7 @@ impl Triangles {
         MeshDescription {
             name: name.to_owned(),
             material: material.to_owned(),
+            matrix: None,
             source: MeshSource::Inline {
                 positions: self.positions.into_iter().map(|position| position.map(rounded)).collect(),
                 triangles: self.triangles,

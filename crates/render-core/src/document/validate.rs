@@ -27,7 +27,8 @@ impl SceneDescription {
         self.compiled_path_filter()?;
         check_sampling(self.sampling, &root.member("sampling"))?;
         self.parts().check_things()?;
-        self.check_integrator_names(&root.member("integrator"))
+        // The names of imported things are known once their files are read.
+        if self.imports.is_empty() { self.check_integrator_names(&root.member("integrator")) } else { Ok(()) }
     }
 
     /// The path filter, if there is one, ready for use.

@@ -16,9 +16,12 @@ pub(crate) mod large_pages;
 pub mod pane;
 mod pyramid;
 pub mod ray;
+pub(crate) mod rotation;
 mod sheet;
 mod sphere_tracing;
+pub(crate) mod spherical_rectangle;
 mod spline;
+mod tangent;
 #[cfg(test)]
 pub(crate) mod testing;
 mod thickness;
@@ -31,3 +34,4 @@ pub(crate) use height_field::{FacePoints, ShapeBounds, Symmetric};
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};
 pub use pane::{FaceCrossing, Pane, PaneBoundary, PaneError, PaneHit};
 pub use ray::{Face, Ray, SurfaceId};
+pub use tangent::TangentFrame;

@@ -63,17 +63,17 @@ struct Stretch {
     from: Option<Origin>,
     /// The specular vertices since then.
     links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
-    /// Whether there were more of them than any method owns.
-    too_long: bool,
+    /// Whether no method owns it: of more specular vertices than any looks for, or over one that none searches.
+    is_left_to_chance: bool,
 }
 
 impl Stretch {
     fn new(from: Option<Origin>) -> Self {
-        Self { from, links: ArrayVec::new(), too_long: false }
+        Self { from, links: ArrayVec::new(), is_left_to_chance: false }
     }
 
     fn push(&mut self, link: Link) {
-        self.too_long |= self.links.try_push(link).is_err();
+        self.is_left_to_chance |= self.links.try_push(link).is_err();
     }
 }
 
@@ -162,7 +162,7 @@ impl<'a> PathTracer<'a> {
                 return sample;
             }
             if walk.inside.is_none() && hit.is_none() {
-                sample.radiance += self.emission_of_suns(&walk, counters);
+                sample.radiance += self.emission_from_infinity(&walk, counters);
             }
             let Some(hit) = hit else { return sample };
             if walk.depth == 0 {
@@ -221,11 +221,11 @@ impl<'a> PathTracer<'a> {
         nearest
     }
 
-    /// Light that the path carries back when it meets nothing: that of all suns in its direction, which cover each
-    /// other no more than they cast shadows.
-    fn emission_of_suns(&self, walk: &Walk, counters: &mut Counters) -> DVec3 {
+    /// Light that the path carries back when it meets nothing: that of all suns in its direction and of the
+    /// environment. They cover each other no more than they cast shadows.
+    fn emission_from_infinity(&self, walk: &Walk, counters: &mut Counters) -> DVec3 {
         let mut sum = DVec3::ZERO;
-        for index in self.scene.light_sampler().suns() {
+        for index in self.scene.light_sampler().infinite() {
             if let Some(hit) = self.scene.lights()[index as usize].intersect(&walk.ray) {
                 sum += self.emission(walk, index, &hit, counters);
             }
@@ -256,7 +256,8 @@ impl<'a> PathTracer<'a> {
             return carried;
         }
         let path = SpecularPath { light, source, last_direction: walk.ray.direction, links: &walk.stretch.links };
-        if !walk.stretch.too_long && method.owns(self.scene, &point, &path, counters) { DVec3::ZERO } else { carried }
+        let is_owned = !walk.stretch.is_left_to_chance && method.owns(self.scene, &point, &path, counters);
+        if is_owned { DVec3::ZERO } else { carried }
     }
 
     /// Adds the light that a surface scatters into the path, and scatters the path; false when the path ends.
@@ -308,6 +309,7 @@ impl<'a> PathTracer<'a> {
                 true
             }
             SampleKind::Delta(event) => {
+                walk.stretch.is_left_to_chance |= bsdf.as_delta().is_none();
                 walk.stretch.push(Link { event, surface: ray_origin, position, direction: incident });
                 self.advance(walk, event.into())
             }

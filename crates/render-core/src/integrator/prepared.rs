@@ -10,10 +10,14 @@ use crate::scene::{BuildStep, ContentHash, Obstacles, Scene, SceneHash};
 use crate::settings::{JsonPath, SceneError};
 use crate::specular::SpecularMethod;
 use crate::specular::cache::MethodCache;
+use crate::specular::environment::with_environment;
 
 /// A scene file that is ready to be rendered. It does not change any more.
 pub struct PreparedScene {
     hash: SceneHash,
+    /// The scene as its file has it.
+    file: SceneDescription,
+    /// The same with the things of its imports among its own.
     description: SceneDescription,
     /// The contents that the description names.
     assets: BTreeMap<String, ContentHash>,
@@ -40,17 +44,23 @@ impl PreparedScene {
     ///
     /// As [`Scene::build`].
     pub fn build_step_by_step(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Self, SceneError> {
-        let description = bundle.description();
-        let path_filter = description.compiled_path_filter()?;
-        let sampling = sampling(description)?;
-        let scene = Scene::build(description.parts(), bundle.assets(), begin)?;
+        let file = bundle.description();
+        let path_filter = file.compiled_path_filter()?;
+        let sampling = sampling(file)?;
+        if !file.imports.is_empty() {
+            begin(BuildStep::Imports { count: file.imports.len() });
+        }
+        let description = file.expanded(bundle.assets())?;
+        let name = |error| if file.imports.is_empty() { error } else { description.named(error) };
+        let scene = Scene::build(description.parts(), bundle.assets(), begin).map_err(name)?;
         begin(BuildStep::SpecularMeshes);
         let cache = MethodCache::default();
         Ok(Self {
             hash: bundle.scene_hash(),
-            description: description.clone(),
+            file: file.clone(),
+            description: description.clone().into_owned(),
             assets: asset_hashes(bundle),
-            method: description.integrator.build(&scene, &cache),
+            method: method(&description, &scene, &cache),
             scene,
             path_filter,
             sampling,
@@ -66,19 +76,21 @@ impl PreparedScene {
     ///
     /// As [`Self::build`].
     pub fn changed(self, bundle: &SceneBundle) -> Result<Self, SceneError> {
-        let description = bundle.description();
+        let file = bundle.description();
         let kept = SceneDescription {
-            camera: self.description.camera.clone(),
-            film: self.description.film,
-            lights: self.description.lights.clone(),
-            integrator: self.description.integrator.clone(),
-            seed: self.description.seed,
-            sampling: self.description.sampling,
-            ..description.clone()
+            camera: self.file.camera.clone(),
+            film: self.file.film,
+            lights: self.file.lights.clone(),
+            integrator: self.file.integrator.clone(),
+            seed: self.file.seed,
+            sampling: self.file.sampling,
+            ..file.clone()
         };
-        if kept != self.description || asset_hashes(bundle) != self.assets {
+        let same_pictures = light_pictures(file).eq(light_pictures(&self.file));
+        if kept != self.file || !same_pictures || asset_hashes(bundle) != self.assets {
             return Self::build(bundle);
         }
+        let description = file.expanded(bundle.assets())?;
         let is_lit_alike = description.lights == self.description.lights;
         let mut scene = self.scene.with_view(description.parts());
         if !is_lit_alike {
@@ -87,12 +99,13 @@ impl PreparedScene {
         let method = if is_lit_alike && description.integrator == self.description.integrator {
             self.method
         } else {
-            description.integrator.build(&scene, &self.cache)
+            method(&description, &scene, &self.cache)
         };
         Ok(Self {
             hash: bundle.scene_hash(),
-            sampling: sampling(description)?,
-            description: description.clone(),
+            sampling: sampling(file)?,
+            file: file.clone(),
+            description: description.into_owned(),
             method,
             scene,
             ..self
@@ -104,7 +117,7 @@ impl PreparedScene {
         self.hash
     }
 
-    /// What it was built from: settings of integrator and film, and the names of things.
+    /// What it was built from, with the things of imports: settings of integrator and film, and the names of things.
     pub fn description(&self) -> &SceneDescription {
         &self.description
     }
@@ -139,7 +152,7 @@ impl PreparedScene {
         self.description.integrator.chosen(&self.scene)
     }
 
-    /// The light of small lights that an image leaves to chance, in words, for its metadata.
+    /// The light of small lights and of the environment that an image leaves to chance, in words, for its metadata.
     pub fn left_to_chance(&self) -> Vec<String> {
         self.description.left_to_chance(&self.scene)
     }
@@ -149,6 +162,16 @@ impl fmt::Debug for PreparedScene {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.debug_struct("PreparedScene").field("hash", &self.hash).finish_non_exhaustive()
     }
+}
+
+/// The method that the settings name, with the light of an environment.
+fn method(description: &SceneDescription, scene: &Scene, cache: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
+    description.integrator.build(scene, cache).map(|method| with_environment(method, scene, cache))
+}
+
+/// The pictures of lights.
+fn light_pictures(description: &SceneDescription) -> impl Iterator<Item = &str> {
+    description.lights.iter().filter_map(|light| light.picture().map(|(_, file)| file))
 }
 
 fn asset_hashes(bundle: &SceneBundle) -> BTreeMap<String, ContentHash> {

@@ -8,7 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::flat::{FlatLight, FlatShape};
-use super::{Emitter, LightSettings};
+use super::{Emitter, EnvironmentMaps, LightSettings};
+use crate::exchange::LightModel;
 use crate::geometry::Frame;
 use crate::settings::check::{check_above, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -53,7 +54,16 @@ impl LightSettings for DiskLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn build(&self) -> Arc<dyn Emitter> {
+    fn model(&self) -> Option<LightModel> {
+        Some(LightModel::Disk {
+            centre: self.centre,
+            normal: DVec3::from(self.normal).normalize().to_array(),
+            radius: self.radius,
+            radiance: self.radiance,
+        })
+    }
+
+    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
         Arc::new(FlatLight {
             frame: Frame { origin: self.centre.into(), ..Frame::around(DVec3::from(self.normal).normalize()) },
             shape: Disk { radius: self.radius },

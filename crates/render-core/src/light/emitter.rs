@@ -31,10 +31,10 @@ impl Source {
 pub struct SourceSample {
     /// Where the light comes from.
     pub source: Source,
-    /// Unit normal of the light's surface; `None` for a point light and the sun.
+    /// Unit normal of the light's surface; `None` for a point light and lights at infinity.
     pub normal: Option<DVec3>,
-    /// Intensity of a point light [W/sr], else radiance [W/(m2 sr)], divided by the probability density: per area for
-    /// surfaces, per solid angle for the sun, 1 for a point light.
+    /// Largest intensity of a point light [W/sr], else radiance [W/(m2 sr)], divided by the probability density: per
+    /// area for surfaces, per solid angle for lights at infinity, 1 for a point light.
     pub weight: DVec3,
 }
 
@@ -43,7 +43,7 @@ pub struct SourceSample {
 pub struct LiSample {
     /// Unit vector from the shading point to the light.
     pub direction: DVec3,
-    /// Distance to the light; infinite for the sun.
+    /// Distance to the light; infinite for lights at infinity.
     pub distance: f64,
     /// Radiance times solid angle [W/m2]: radiance / pdf, or intensity / distance squared for a point light.
     pub weight: DVec3,
@@ -54,7 +54,7 @@ pub struct LiSample {
 /// Where a ray meets a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightHit {
-    /// Distance along the ray; infinite for the sun.
+    /// Distance along the ray; infinite for lights at infinity.
     pub distance: f64,
     /// Radiance towards the ray's origin (`le`); zero on the dark side of a rectangle or a disk.
     pub radiance: DVec3,
@@ -77,6 +77,8 @@ pub enum LightBounds {
         /// Sine of the angular radius.
         sin_radius: f64,
     },
+    /// All directions.
+    Everywhere,
 }
 
 /// The shape of a light that is somewhere.
@@ -95,10 +97,11 @@ pub enum Body {
 
 /// How a light emits. Units are W, m and sr; colours are linear Rec.709.
 pub trait Emitter: fmt::Debug + Send + Sync {
-    /// The largest radiance, W/(m2 sr); the intensity of a point light, W/sr.
+    /// The largest radiance, W/(m2 sr); the largest intensity of a point light, W/sr.
     fn emission(&self) -> DVec3;
 
-    /// Radiated power, W, as the mean over the channels; that of the sun is for each square metre that faces it.
+    /// Radiated power, W, as the mean over the channels. That of a light at infinity is the integral of its radiance:
+    /// for the sun, the power for each square metre that faces it.
     fn power(&self) -> f64;
 
     /// The directions in which light leaves.
@@ -109,6 +112,18 @@ pub trait Emitter: fmt::Debug + Send + Sync {
         false
     }
 
+    /// The part of its largest intensity that a point light sends against `direction`, a unit vector towards the light.
+    /// 1 for all others.
+    fn falloff(&self, _direction: DVec3) -> f64 {
+        1.0
+    }
+
+    /// Whether the light is an environment: at infinity in all directions. It is behind everything, suns included, and
+    /// no sun covers it.
+    fn is_environment(&self) -> bool {
+        self.bounds() == LightBounds::Everywhere
+    }
+
     /// A region that holds the whole light.
     fn bounds(&self) -> LightBounds;
 
@@ -116,28 +131,28 @@ pub trait Emitter: fmt::Debug + Send + Sync {
     fn bounding_box(&self) -> Option<[DVec3; 2]> {
         match self.bounds() {
             LightBounds::Ball { centre, radius } => Some([centre - radius, centre + radius]),
-            LightBounds::Cap { .. } => None,
+            LightBounds::Cap { .. } | LightBounds::Everywhere => None,
         }
     }
 
     /// Its shape; `None` for a light that is nowhere.
     fn body(&self) -> Option<Body>;
 
-    /// The largest solid angle at which the light may be seen from a box, up to 2 pi; `None` for a point light.
+    /// The largest solid angle at which the light may be seen from a box; `None` for a point light.
     fn largest_solid_angle(&self, bounds: [DVec3; 2]) -> Option<f64>;
 
     /// Draws a point of the light that may be seen from inside a ball. Every point that can be seen from anywhere in
     /// the ball has a positive density, so that light that arrives there by refraction is not lost at a sphere's limb.
     fn sample_source(&self, centre: DVec3, radius: f64, random: DVec2) -> SourceSample;
 
-    /// Density with which [`Self::sample_source`] draws a source: per area for surfaces, per solid angle for the sun,
-    /// infinite for a point light.
+    /// Density with which [`Self::sample_source`] draws a source: per area for surfaces, per solid angle for lights at
+    /// infinity, infinite for a point light.
     fn source_density(&self, centre: DVec3, radius: f64, source: Source) -> f64;
 
-    /// The source where a ray meets the light, and the cosine of the angle at which it does; 1 for the sun.
+    /// The source where a ray meets the light, and the cosine of the angle at which it does; 1 for lights at infinity.
     fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64);
 
-    /// Unit normal of the light's surface at a source; `None` for a point light and the sun.
+    /// Unit normal of the light's surface at a source; `None` for a point light and lights at infinity.
     fn normal_at(&self, source: Source) -> Option<DVec3>;
 
     /// Draws a direction in which the light is seen from `point` if nothing is in the way; `None` when it cannot be.

@@ -4,8 +4,12 @@
 
 mod cap;
 mod cone;
+#[cfg(test)]
+mod density_tests;
 mod disk;
 mod emitter;
+mod environment;
+mod environment_map;
 #[cfg(test)]
 mod example;
 mod flat;
@@ -15,6 +19,8 @@ mod rectangle;
 mod registry;
 mod sampler;
 mod sphere;
+mod sphere_density;
+mod spot;
 mod sun;
 #[cfg(test)]
 mod tests;
@@ -26,14 +32,20 @@ use std::sync::Arc;
 pub use cone::EmissionCone;
 pub use disk::DiskLight;
 pub use emitter::{Body, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
+pub use environment::{EnvironmentLight, EnvironmentRadiance};
+pub use environment_map::{EnvironmentMap, EnvironmentMaps};
 pub use point::PointLight;
 pub use receiver::{Receiver, Side};
 pub use rectangle::RectangleLight;
 pub use registry::LightDescription;
+pub(crate) use sampler::with_finer_places;
 pub use sampler::{AskedLight, LightSampler, MOST_ASKED};
 pub use sphere::SphereLight;
+pub use spot::SpotLight;
 pub use sun::SunLight;
+pub(crate) use tree::{Chosen, Cluster, LightTree};
 
+use crate::exchange::LightModel;
 use crate::settings::{Check, JsonPath, Triple};
 
 /// A light is seldom met where its solid angle is below this, steradians. An image of some thousand samples then shows
@@ -58,6 +70,21 @@ pub trait LightSettings {
         None
     }
 
+    /// Whether the light is a point ([`Emitter::is_delta`]).
+    fn is_delta(&self) -> bool {
+        false
+    }
+
+    /// Whether the light is all around ([`Emitter::is_environment`]).
+    fn is_environment(&self) -> bool {
+        false
+    }
+
+    /// The picture of radiance that it names, with its place below the settings.
+    fn picture(&self) -> Option<(String, &str)> {
+        None
+    }
+
     /// Checks all settings but the name.
     ///
     /// # Errors
@@ -65,8 +92,13 @@ pub trait LightSettings {
     /// The first setting that makes no sense, with its place, what stands there and what would be right.
     fn check(&self, path: &JsonPath<'_>) -> Check;
 
-    /// The light, from settings that have been checked.
-    fn build(&self) -> Arc<dyn Emitter>;
+    /// What it is for other programs; `None` if it cannot be exported.
+    fn model(&self) -> Option<LightModel> {
+        None
+    }
+
+    /// The light, from settings that have been checked and with pictures that have been decoded.
+    fn build(&self, maps: &EnvironmentMaps) -> Arc<dyn Emitter>;
 }
 
 /// A light of the scene.
@@ -78,9 +110,9 @@ pub struct Light {
 }
 
 impl Light {
-    /// The light of settings that have been checked.
-    pub fn new(description: &LightDescription) -> Self {
-        Self { name: description.name().to_owned(), emitter: description.build() }
+    /// The light of settings that have been checked, with pictures that have been decoded.
+    pub fn new(description: &LightDescription, maps: &EnvironmentMaps) -> Self {
+        Self { name: description.name().to_owned(), emitter: description.build(maps) }
     }
 }
 

@@ -6,7 +6,10 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample};
+use super::{
+    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
+};
+use crate::exchange::LightModel;
 use crate::geometry::Ray;
 use crate::settings::check::check_triple;
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -36,12 +39,20 @@ impl LightSettings for PointLight {
         Some("position")
     }
 
+    fn is_delta(&self) -> bool {
+        true
+    }
+
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_triple(self.position, -MAX_LIGHT_COORDINATE, MAX_LIGHT_COORDINATE, &path.member("position"))?;
         check_triple(self.intensity, 0.0, MAX_EMISSION, &path.member("intensity"))
     }
 
-    fn build(&self) -> Arc<dyn Emitter> {
+    fn model(&self) -> Option<LightModel> {
+        Some(LightModel::Point { position: self.position, intensity: self.intensity })
+    }
+
+    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
         Arc::new(Point { position: self.position.into(), intensity: self.intensity.into() })
     }
 }

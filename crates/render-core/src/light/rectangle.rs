@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::flat::{FlatLight, FlatShape};
-use super::{Emitter, LightSettings};
+use super::{Emitter, EnvironmentMaps, LightSettings};
+use crate::exchange::LightModel;
 use crate::geometry::Frame;
 use crate::settings::check::{MIN_SINE, Numbers, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -52,7 +53,12 @@ impl LightSettings for RectangleLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn build(&self) -> Arc<dyn Emitter> {
+    fn model(&self) -> Option<LightModel> {
+        let Self { centre, edge_u, edge_v, radiance, .. } = *self;
+        Some(LightModel::Rectangle { centre, edge_u, edge_v, radiance })
+    }
+
+    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
         let (edge_u, edge_v) = (DVec3::from(self.edge_u), DVec3::from(self.edge_v));
         let normal = edge_u.cross(edge_v).normalize();
         let x = edge_u.normalize();

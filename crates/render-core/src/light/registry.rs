@@ -1,15 +1,17 @@
 //! The registry of lights.
 
-use super::{DiskLight, LightSettings, PointLight, RectangleLight, SphereLight, SunLight};
+use super::{DiskLight, EnvironmentLight, LightSettings, PointLight, RectangleLight, SphereLight, SpotLight, SunLight};
 use crate::settings::kinds;
 
 kinds! {
     /// A light.
     pub enum LightDescription: dyn LightSettings {
         "point" => Point(PointLight),
+        "spot" => Spot(SpotLight),
         "sphere" => Sphere(SphereLight),
         "rectangle" => Rectangle(RectangleLight),
         "disk" => Disk(DiskLight),
         "sun" => Sun(SunLight),
+        "environment" => Environment(EnvironmentLight),
     }
 }

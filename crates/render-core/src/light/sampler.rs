@@ -1,7 +1,7 @@
 //! Which lights a point of a surface asks for light.
 //!
 //! Up to [`MOST_ASKED`] lights are all asked. Of more, a tree chooses one, and one of the suns is chosen by what it may
-//! bring.
+//! bring. The environment is always asked.
 
 use arrayvec::ArrayVec;
 use clerestory_film::SampleStream;
@@ -28,11 +28,15 @@ pub struct AskedLight {
 pub struct LightSampler {
     count: u32,
     tree: LightTree,
-    /// The lights at infinity.
+    /// The first lights that are somewhere: all of them where all lights are asked.
+    near: ArrayVec<u32, MOST_ASKED>,
+    /// Lights at infinity that have a direction.
     suns: Vec<Sun>,
+    /// The light that is all around.
+    environment: Option<u32>,
 }
 
-/// A light at infinity.
+/// A light at infinity that has a direction.
 #[derive(Clone, Copy, Debug)]
 struct Sun {
     light: u32,
@@ -60,10 +64,17 @@ impl LightSampler {
             LightBounds::Cap { direction, sin_radius } => {
                 Some(Sun { light, direction, sin_radius, power: emitter.power() })
             }
-            LightBounds::Ball { .. } => None,
+            LightBounds::Ball { .. } | LightBounds::Everywhere => None,
         };
-        let suns = (0u32..).zip(lights).filter_map(sun).collect();
-        Self { count: lights.len() as u32, suns, tree: LightTree::new(lights) }
+        let numbered = || (0u32..).zip(lights);
+        let near = numbered().filter(|(_, light)| light.bounding_box().is_some());
+        Self {
+            count: lights.len() as u32,
+            tree: LightTree::new(lights),
+            near: near.map(|(index, _)| index).take(MOST_ASKED).collect(),
+            suns: numbered().filter_map(sun).collect(),
+            environment: numbered().find(|(_, light)| light.is_environment()).map(|(index, _)| index),
+        }
     }
 
     fn asks_all(&self) -> bool {
@@ -78,7 +89,7 @@ impl LightSampler {
         let mut asked = ArrayVec::new();
         if !self.tree.is_empty() {
             let chosen = self.tree.choose(receiver, finely(stream));
-            asked.extend(chosen.map(|(light, probability)| AskedLight { light, probability }));
+            asked.extend(chosen.map(|chosen| AskedLight { light: chosen.light, probability: chosen.probability }));
         }
         match self.suns.as_slice() {
             [] => {}
@@ -100,12 +111,13 @@ impl LightSampler {
                 );
             }
         }
+        asked.extend(self.environment.map(|light| AskedLight { light, probability: 1.0 }));
         asked
     }
 
     /// The probability with which [`Self::ask`] asks a light.
     pub fn probability(&self, light: u32, receiver: &Receiver) -> f64 {
-        if self.asks_all() {
+        if self.asks_all() || self.environment == Some(light) {
             return 1.0;
         }
         let Ok(index) = self.suns.binary_search_by_key(&light, |sun| sun.light) else {
@@ -118,22 +130,33 @@ impl LightSampler {
         if total > 0.0 { self.suns[index].importance(receiver) / total } else { 0.0 }
     }
 
-    /// The lights at infinity, in the order of the scene.
-    pub fn suns(&self) -> impl Iterator<Item = u32> {
-        self.suns.iter().map(|sun| sun.light)
+    /// The lights at infinity: suns in the order of the scene, then the environment.
+    pub fn infinite(&self) -> impl Iterator<Item = u32> {
+        self.suns.iter().map(|sun| sun.light).chain(self.environment)
     }
 
-    /// Visits the lights that a ray may meet before `end`, until one says that it is enough. Answers whether one did.
+    /// The light that is all around.
+    pub fn environment(&self) -> Option<u32> {
+        self.environment
+    }
+
+    /// Visits the lights that a ray may meet before `end`, none of which is at infinity, until one says that it is
+    /// enough. Answers whether one did.
     pub fn on_ray(&self, ray: &Ray, end: f64, visit: &mut dyn FnMut(u32) -> bool) -> bool {
-        if self.asks_all() { (0..self.count).any(visit) } else { self.tree.on_ray(ray, end, visit) }
+        if self.asks_all() { self.near.iter().copied().any(visit) } else { self.tree.on_ray(ray, end, visit) }
     }
 }
 
 /// A number in [0, 1) with the places of a Sobol number, and random bits below: one number chooses at all levels of a
 /// tree.
 fn finely(stream: &mut SampleStream) -> f64 {
+    let coarse = stream.next_1d();
+    with_finer_places(coarse, stream)
+}
+
+/// The same of a number that has been drawn.
+pub(crate) fn with_finer_places(coarse: f64, stream: &mut SampleStream) -> f64 {
     /// Places of a Sobol number.
     const SOBOL_STEP: f64 = 1.0 / (1u64 << 24) as f64;
-    let coarse = stream.next_1d();
     (coarse + stream.trials().next_f64() * SOBOL_STEP).min(1.0 - f64::EPSILON)
 }

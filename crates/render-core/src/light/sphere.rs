@@ -7,7 +7,11 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, cap};
+use super::{
+    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
+    cap,
+};
+use crate::exchange::LightModel;
 use crate::geometry::{Frame, Ray};
 use crate::settings::check::{check_above, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -46,7 +50,11 @@ impl LightSettings for SphereLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn build(&self) -> Arc<dyn Emitter> {
+    fn model(&self) -> Option<LightModel> {
+        Some(LightModel::Sphere { centre: self.centre, radius: self.radius, radiance: self.radiance })
+    }
+
+    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
         Arc::new(Sphere { centre: self.centre.into(), radius: self.radius, radiance: self.radiance.into() })
     }
 }

@@ -6,7 +6,11 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, cap};
+use super::{
+    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
+    cap,
+};
+use crate::exchange::LightModel;
 use crate::geometry::Ray;
 use crate::settings::check::{check_direction, check_range, check_triple};
 use crate::settings::limits::MAX_EMISSION;
@@ -53,7 +57,15 @@ impl LightSettings for SunLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn build(&self) -> Arc<dyn Emitter> {
+    fn model(&self) -> Option<LightModel> {
+        Some(LightModel::Distant {
+            direction: DVec3::from(self.direction).normalize().to_array(),
+            angular_radius: self.angular_radius,
+            radiance: self.radiance,
+        })
+    }
+
+    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
         let (sin_radius, cos_radius) = libm::sincos(self.angular_radius.to_radians());
         Arc::new(Sun {
             direction: DVec3::from(self.direction).normalize(),

@@ -9,7 +9,7 @@ use super::*;
 use crate::geometry::{Frame, Ray};
 
 fn light(description: LightDescription) -> Light {
-    Light::new(&description)
+    Light::new(&description, &EnvironmentMaps::new())
 }
 
 const DISK_CENTRE: Triple = [-0.3, 0.4, 1.2];
@@ -60,7 +60,7 @@ fn example() -> Light {
     }))
     .unwrap();
     assert!(description.check(&JsonPath::Root).is_ok());
-    Light { name: description.name().to_owned(), emitter: description.build() }
+    Light { name: description.name().to_owned(), emitter: description.build(&EnvironmentMaps::new()) }
 }
 
 fn grid(n: u32) -> impl Iterator<Item = DVec2> {

@@ -1,4 +1,5 @@
-//! A tree over the lights: it chooses one for a point of a surface, and finds those on a ray.
+//! A tree over the lights: it chooses one for a point of a surface, and finds those on a ray. It can be over other
+//! things through which light comes, too.
 //!
 //! The probability of a light is the product of the choices on its way down (Conty Estevez and Kulla 2018; pbrt-v4,
 //! section 12.6.3). Each choice is by a bound of what the lights below may bring: power, distance, and the cosines at
@@ -32,16 +33,29 @@ const NEAREST: f64 = 1e-6;
 
 /// The lights in a part of the tree.
 #[derive(Clone, Copy, Debug)]
-struct Cluster {
-    min: DVec3,
-    max: DVec3,
-    /// Power, W.
-    power: f64,
-    cone: EmissionCone,
+pub(crate) struct Cluster {
+    /// The smallest and the largest corner of a box around them.
+    pub(crate) min: DVec3,
+    pub(crate) max: DVec3,
+    /// Power, W; of all things in a tree, up to a factor.
+    pub(crate) power: f64,
+    /// The directions in which light leaves.
+    pub(crate) cone: EmissionCone,
     /// Of a ball around the middle of the box that holds all lights.
-    radius: f64,
+    pub(crate) radius: f64,
     /// Whether a ray can meet any of them.
-    can_be_met: bool,
+    pub(crate) can_be_met: bool,
+}
+
+/// A light that a tree has chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Chosen {
+    /// Its index in the scene.
+    pub(crate) light: u32,
+    /// The probability with which it is chosen.
+    pub(crate) probability: f64,
+    /// What is left of the random number: another one, of fewer digits.
+    pub(crate) rest: f64,
 }
 
 /// A node; its first child follows it.
@@ -63,7 +77,7 @@ enum Below {
 
 /// A tree over the lights that are somewhere.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LightTree {
+pub(crate) struct LightTree {
     nodes: Vec<Node>,
     /// The leaf of each light in the scene; `None` for those that are nowhere.
     leaves: Vec<Option<u32>>,
@@ -133,9 +147,15 @@ impl Cluster {
 impl LightTree {
     /// The tree over lights.
     pub(super) fn new(lights: &[Light]) -> Self {
+        Self::over(lights.iter().map(Cluster::of))
+    }
+
+    /// The tree over things, by their numbers.
+    pub(crate) fn over(things: impl ExactSizeIterator<Item = Option<Cluster>>) -> Self {
+        let count = things.len();
         let mut leaves: Vec<(u32, Cluster)> =
-            (0u32..).zip(lights).filter_map(|(index, light)| Some((index, Cluster::of(light)?))).collect();
-        let mut tree = Self { nodes: Vec::new(), leaves: vec![None; lights.len()] };
+            (0u32..).zip(things).filter_map(|(index, thing)| Some((index, thing?))).collect();
+        let mut tree = Self { nodes: Vec::new(), leaves: vec![None; count] };
         if !leaves.is_empty() {
             tree.add(&mut leaves, 0);
         }
@@ -179,12 +199,12 @@ impl LightTree {
         Some([first, 1.0 - first])
     }
 
-    /// Chooses a light by a random number, and answers its probability; `None` where no light can bring anything.
-    pub(super) fn choose(&self, receiver: &Receiver, mut random: f64) -> Option<(u32, f64)> {
+    /// Chooses a light by a random number; `None` where no light can bring anything.
+    pub(crate) fn choose(&self, receiver: &Receiver, mut random: f64) -> Option<Chosen> {
         let (mut node, mut probability) = (0, 1.0);
         loop {
             match self.nodes.get(node as usize)?.below {
-                Below::Light(light) => return Some((light, probability)),
+                Below::Light(light) => return Some(Chosen { light, probability, rest: random }),
                 Below::Second(second) => {
                     let [first, other] = self.shares(node, second, receiver)?;
                     if random < first {
@@ -200,7 +220,7 @@ impl LightTree {
     }
 
     /// The probability with which [`Self::choose`] chooses a light; zero for those that are nowhere.
-    pub(super) fn probability(&self, light: u32, receiver: &Receiver) -> f64 {
+    pub(crate) fn probability(&self, light: u32, receiver: &Receiver) -> f64 {
         let Some(mut node) = self.leaves[light as usize] else { return 0.0 };
         let mut probability = 1.0;
         while node != 0 {

@@ -32,7 +32,7 @@ impl Scene {
         let mesh = self.surface_of(triangle);
         SurfacePoint {
             normals: self.normals_on(mesh, triangle, barycentric),
-            texture: mesh.texture_coordinate(triangle, barycentric),
+            texture: mesh.texture_coordinates(triangle, barycentric),
         }
     }
 
@@ -45,7 +45,7 @@ impl Scene {
         let geometric = self.triangle_normal(triangle);
         let shading = mesh.corner_normals(triangle).map_or(geometric, |[a, b, c]| {
             let [v, w] = barycentric;
-            (*a * (1.0 - v - w) + *b * v + *c * w).normalize()
+            (*a * (1.0 - v - w) + *b * v + *c * w).normalize_or(geometric)
         });
         Normals { geometric, shading }
     }

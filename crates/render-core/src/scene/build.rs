@@ -1,10 +1,11 @@
 //! From the things of a scene file and their assets to a scene that can be rendered.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::assets::Assets;
+use super::asset_uses::environment_uses;
+use super::assets::{Assets, asset_bytes};
 use super::build_meshes::{Meshes, decode_textures};
 use super::build_panes::build_panes;
 use super::build_step::BuildStep;
@@ -17,7 +18,7 @@ use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
 use crate::geometry::closed::is_closed;
 use crate::geometry::{Accelerator, Pane};
-use crate::light::{Light, LightSampler};
+use crate::light::{EnvironmentMap, EnvironmentMaps, Light, LightSampler};
 use crate::settings::SceneError;
 
 /// A scene that can be rendered. It does not change any more.
@@ -28,6 +29,7 @@ pub struct Scene {
     specular_ball: (DVec3, f64),
     mesh_bounds: Vec<[DVec3; 2]>,
     pane_tree: PaneTree,
+    environment_maps: EnvironmentMaps,
     lights: Vec<Light>,
     light_sampler: LightSampler,
     meshes: Vec<MeshSurface>,
@@ -48,7 +50,7 @@ impl Scene {
         assets: &Assets,
         begin: &mut dyn FnMut(BuildStep<'_>),
     ) -> Result<Self, SceneError> {
-        let Decoded { panes, positions, triangles, surfaces } = Decoded::of(parts, assets, begin)?;
+        let Decoded { environment_maps, panes, positions, triangles, surfaces } = Decoded::of(parts, assets, begin)?;
         let mesh_bounds: Vec<[DVec3; 2]> =
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
         let specular: Vec<_> =
@@ -60,11 +62,12 @@ impl Scene {
         check_panes(parts, accelerator.panes(), corners, &surfaces)?;
         check_faces(corners, &surfaces)?;
         Obstacles::new(accelerator.shared_panes()).check(parts)?;
-        let lights: Vec<Light> = parts.lights.iter().map(Light::new).collect();
+        let lights = build_lights(parts, &environment_maps);
         Ok(Self {
             camera: Camera::new(parts.camera, parts.film),
             light_sampler: LightSampler::new(&lights),
             lights,
+            environment_maps,
             normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
             specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
             pane_tree: PaneTree::new(accelerator.panes()),
@@ -82,10 +85,11 @@ impl Scene {
         Self { camera: Camera::new(parts.camera, parts.film), ..self }
     }
 
-    /// The scene under the lights of `parts`. [`Obstacles::check`] tells whether they may stand there.
+    /// The scene under the lights of `parts`, which name the same pictures. [`Obstacles::check`] tells whether they may
+    /// stand there.
     #[must_use]
     pub fn with_lights(self, parts: SceneParts<'_>) -> Self {
-        let lights: Vec<Light> = parts.lights.iter().map(Light::new).collect();
+        let lights = build_lights(parts, &self.environment_maps);
         Self { light_sampler: LightSampler::new(&lights), lights, ..self }
     }
 
@@ -157,8 +161,26 @@ impl Scene {
     }
 }
 
+fn build_lights(parts: SceneParts<'_>, maps: &EnvironmentMaps) -> Vec<Light> {
+    parts.lights.iter().map(|light| Light::new(light, maps)).collect()
+}
+
+/// Decodes the pictures of all lights, each file once.
+fn decode_environments(parts: SceneParts<'_>, assets: &Assets) -> Result<EnvironmentMaps, SceneError> {
+    let mut maps = EnvironmentMaps::new();
+    for (path, file) in environment_uses(parts) {
+        if !maps.contains_key(file) {
+            let map = asset_bytes(assets, file).and_then(EnvironmentMap::decode);
+            let map = map.map_err(|problem| SceneError::Asset { path, name: file.to_owned(), problem })?;
+            maps.insert(file.to_owned(), Arc::new(map));
+        }
+    }
+    Ok(maps)
+}
+
 /// What a scene is made of, decoded and checked.
 struct Decoded {
+    environment_maps: EnvironmentMaps,
     panes: Vec<Pane>,
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
@@ -170,6 +192,7 @@ impl Decoded {
         SceneMemory::of(parts, assets).check_counts()?;
         begin(BuildStep::Textures);
         let textures = decode_textures(parts, assets)?;
+        let environment_maps = decode_environments(parts, assets)?;
         begin(BuildStep::Panes { count: parts.panes.len() });
         let panes = build_panes(parts.panes, assets)?;
         let mut meshes = Meshes::new(parts, assets, &textures);
@@ -179,7 +202,7 @@ impl Decoded {
             meshes.add(index, mesh)?;
         }
         let Meshes { positions, triangles, surfaces, .. } = meshes;
-        Ok(Self { panes, positions, triangles, surfaces })
+        Ok(Self { environment_maps, panes, positions, triangles, surfaces })
     }
 }
 

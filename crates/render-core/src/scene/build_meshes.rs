@@ -6,29 +6,35 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, UVec3};
 
-use super::assets::{Assets, asset_bytes, texture_uses};
+use super::asset_uses::{picture_bytes, texture_uses};
+use super::assets::Assets;
 use super::description::{MeshDescription, MeshSource};
 use super::mesh::{Placement, TriangleMesh, is_degenerate};
-use super::mesh_file::MeshFile;
-use super::mesh_format::MeshFormat;
+use super::mesh_file::MeshFiles;
+use super::mesh_format::{MeshFormat, MeshPart};
 use super::mesh_surface::{MeshSurface, Surface};
 use super::parts::SceneParts;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
 use crate::settings::check::check_budget;
 use crate::settings::limits::{MAX_COORDINATE, MAX_TRIANGLES};
-use crate::texture::{Bitmap, Bitmaps};
+use crate::texture::{Bitmap, Bitmaps, PictureKey};
 
 /// Decodes the textures of all materials, each file once.
-pub(super) fn decode_textures<'a>(scene: SceneParts<'a>, assets: &Assets) -> Result<Bitmaps<'a>, SceneError> {
+///
+/// # Errors
+///
+/// When a picture is missing or makes no sense.
+pub fn decode_textures<'a>(scene: SceneParts<'a>, assets: &Assets) -> Result<Bitmaps<'a>, SceneError> {
     let mut bitmaps = Bitmaps::new();
-    for (path, file) in texture_uses(scene) {
-        if bitmaps.contains_key(file) {
+    for (path, picture) in texture_uses(scene) {
+        if bitmaps.contains_key(&picture) {
             continue;
         }
-        let bitmap = asset_bytes(assets, file).and_then(Bitmap::decode);
+        let PictureKey { file, image, encoding } = picture;
+        let bitmap = picture_bytes(assets, file, image).and_then(|bytes| Bitmap::decode(&bytes, encoding));
         let bitmap = bitmap.map_err(|problem| SceneError::Asset { path, name: file.to_owned(), problem })?;
-        bitmaps.insert(file, Arc::new(bitmap));
+        bitmaps.insert(picture, Arc::new(bitmap));
     }
     Ok(bitmaps)
 }
@@ -36,10 +42,10 @@ pub(super) fn decode_textures<'a>(scene: SceneParts<'a>, assets: &Assets) -> Res
 /// Triangles of all meshes.
 pub(super) struct Meshes<'a> {
     scene: SceneParts<'a>,
-    assets: &'a Assets,
     bitmaps: &'a Bitmaps<'a>,
-    /// Decoded files, which several meshes may share.
-    files: BTreeMap<(MeshFormat, &'a str), Arc<TriangleMesh>>,
+    files: MeshFiles<'a>,
+    /// Decoded parts of files, which several meshes may share.
+    decoded: BTreeMap<(MeshFormat, &'a str, MeshPart), Arc<TriangleMesh>>,
     /// Positions of all vertices in the scene.
     pub(super) positions: Vec<DVec3>,
     /// All triangles that have an area.
@@ -51,8 +57,15 @@ pub(super) struct Meshes<'a> {
 impl<'a> Meshes<'a> {
     /// No mesh yet.
     pub(super) fn new(scene: SceneParts<'a>, assets: &'a Assets, bitmaps: &'a Bitmaps<'a>) -> Self {
-        let files = BTreeMap::new();
-        Self { scene, assets, bitmaps, files, positions: Vec::new(), triangles: Vec::new(), surfaces: Vec::new() }
+        Self {
+            scene,
+            bitmaps,
+            files: MeshFiles::new(assets),
+            decoded: BTreeMap::new(),
+            positions: Vec::new(),
+            triangles: Vec::new(),
+            surfaces: Vec::new(),
+        }
     }
 
     /// Adds mesh `index` of the scene file.
@@ -62,8 +75,9 @@ impl<'a> Meshes<'a> {
         check_budget(self.positions.len() + mesh.positions.len(), 3 * MAX_TRIANGLES, "vertices", "meshes")?;
         let first_vertex = self.positions.len() as u32;
         let first_triangle = self.triangles.len() as u32;
-        self.place_vertices(index, &mesh, Placement::of(description))?;
-        let kept = self.place_triangles(index, &mesh, first_vertex)?;
+        let placement = Placement::of(description);
+        self.place_vertices(index, &mesh, placement)?;
+        let kept = self.place_triangles(index, &mesh, placement, first_vertex)?;
         let surface = self.surface(index, description, &mesh, &kept)?;
         let triangles = kept.len() as u32;
         self.surfaces.push(MeshSurface {
@@ -77,31 +91,30 @@ impl<'a> Meshes<'a> {
     }
 
     fn decode(&mut self, index: usize, description: &'a MeshDescription) -> Result<Arc<TriangleMesh>, SceneError> {
-        let (format, file) = match &description.source {
+        let source = match &description.source {
             MeshSource::Inline { positions, triangles, texture_coordinates, normals } => {
                 return Ok(Arc::new(TriangleMesh {
                     positions: positions.iter().copied().map(DVec3::from).collect(),
                     triangles: triangles.clone(),
                     texture_coordinates: texture_coordinates.iter().copied().map(DVec2::from).collect(),
                     normals: normals.iter().copied().map(DVec3::from).collect(),
+                    ..TriangleMesh::default()
                 }));
             }
             MeshSource::Waves(waves) => return Ok(Arc::new(waves.mesh())),
-            MeshSource::Ply { file } => (MeshFormat::Ply, file),
-            MeshSource::Obj { file } => (MeshFormat::Obj, file),
+            from_file => from_file.file().expect("all other sources are files"),
         };
-        if let Some(mesh) = self.files.get(&(format, file.as_str())) {
+        let key = (source.format, source.file, source.part);
+        if let Some(mesh) = self.decoded.get(&key) {
             return Ok(mesh.clone());
         }
-        let unusable = |problem| SceneError::Asset {
-            path: format!("meshes[{index}].source.{}.file", format.name()),
-            name: file.clone(),
+        let decoded = self.files.file(source).and_then(|file| file.decode(source.part));
+        let mesh = Arc::new(decoded.map_err(|problem| SceneError::Asset {
+            path: format!("meshes[{index}].source.{}", source.place()),
+            name: source.file.to_owned(),
             problem,
-        };
-        let bytes = asset_bytes(self.assets, file).map_err(unusable)?;
-        let opened = MeshFile::open(format, bytes).map_err(unusable)?;
-        let mesh = Arc::new(opened.decode().map_err(unusable)?);
-        self.files.insert((format, file), mesh.clone());
+        })?);
+        self.decoded.insert(key, mesh.clone());
         Ok(mesh)
     }
 
@@ -122,10 +135,13 @@ impl<'a> Meshes<'a> {
         &mut self,
         index: usize,
         mesh: &TriangleMesh,
+        placement: Placement,
         first_vertex: u32,
     ) -> Result<Vec<[u32; 3]>, SceneError> {
         let mut kept = Vec::new();
-        for (number, &triangle) in mesh.triangles.iter().enumerate() {
+        let mirrors = placement.mirrors();
+        for (number, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+            let triangle = if mirrors { [a, c, b] } else { [a, b, c] };
             if triangle.iter().any(|&vertex| vertex as usize >= mesh.positions.len()) {
                 let found = format!("triangle {number} with the vertices {}", UVec3::from(triangle));
                 return Err(mesh_error(index, found, format_args!("indices below {}", mesh.positions.len())));
@@ -154,53 +170,57 @@ impl<'a> Meshes<'a> {
         let material = self.scene.materials.get(&description.material);
         let material = material.expect("validation knows every material");
         let bsdf = material.build(self.bitmaps);
-        let texture = match material.texture() {
-            Some(_) => Some(texture_corners(index, description, mesh, triangles)?),
-            None => None,
+        let textures = material.textures();
+        let corners = |number: u32, coordinates: &[DVec2]| {
+            let is_used = textures.iter().any(|texture| texture.texture.coordinates == number);
+            is_used.then(|| texture_corners(index, description, mesh, coordinates, triangles)).transpose()
         };
-        let (normals, areas) = if material.is_delta() {
-            let (normals, areas) = self.delta_corners(index, description, mesh, triangles)?;
-            (normals, Some(areas))
+        let texture = corners(0, &mesh.texture_coordinates)?;
+        let second_texture = corners(1, &mesh.second_texture_coordinates)?;
+        let normals = if material.uses_normals() && !mesh.normals.is_empty() {
+            Some(self.normals_at_corners(index, description, mesh, triangles)?)
         } else {
-            (None, None)
+            None
         };
-        Ok(Surface { bsdf, texture, normals, areas })
+        let areas = material.is_searched().then(|| {
+            let add = |sum: &mut f64, cross: DVec3| {
+                *sum += 0.5 * cross.length();
+                Some(*sum)
+            };
+            self.crosses(triangles.len()).scan(0.0, add).collect()
+        });
+        Ok(Surface { bsdf, texture, second_texture, normals, areas })
     }
 
-    /// The normals at the corners of the last triangles, and the area of all triangles up to each.
-    #[expect(clippy::type_complexity, reason = "two lists")]
-    fn delta_corners(
+    /// The vectors along the normals of the last triangles, twice as long as their areas.
+    fn crosses(&self, count: usize) -> impl Iterator<Item = DVec3> {
+        self.triangles[self.triangles.len() - count..].iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|vertex| self.positions[vertex as usize]);
+            (b - a).cross(c - a)
+        })
+    }
+
+    /// The normals at the corners of the last triangles, on the side of each triangle's own.
+    fn normals_at_corners(
         &self,
         index: usize,
         description: &MeshDescription,
         mesh: &TriangleMesh,
         triangles: &[[u32; 3]],
-    ) -> Result<(Option<Vec<[DVec3; 3]>>, Vec<f64>), SceneError> {
-        let corners = self.triangles[self.triangles.len() - triangles.len()..]
-            .iter()
-            .map(|triangle| triangle.map(|vertex| self.positions[vertex as usize]));
-        let crosses: Vec<DVec3> = corners.map(|[a, b, c]| (b - a).cross(c - a)).collect();
-        let areas = crosses.iter().scan(0.0, |sum, cross| {
-            *sum += 0.5 * cross.length();
-            Some(*sum)
-        });
-        let areas = areas.collect();
-        if mesh.normals.is_empty() {
-            return Ok((None, areas));
-        }
+    ) -> Result<Vec<[DVec3; 3]>, SceneError> {
         let placement = Placement::of(description);
         let placed: Option<Vec<DVec3>> =
             mesh.normals.iter().map(|normal| placement.turn(*normal).try_normalize()).collect();
         let Some(placed) = placed else {
             return Err(mesh_error(index, "a normal of no length", "normals that point somewhere, or none at all"));
         };
-        let outwards = |(triangle, cross): (&[u32; 3], &DVec3)| {
+        let outwards = |(triangle, cross): (&[u32; 3], DVec3)| {
             triangle.map(|vertex| {
                 let normal = placed[vertex as usize];
-                if normal.dot(*cross) < 0.0 { -normal } else { normal }
+                if normal.dot(cross) < 0.0 { -normal } else { normal }
             })
         };
-        Ok((Some(triangles.iter().zip(&crosses).map(outwards).collect()), areas))
+        Ok(triangles.iter().zip(self.crosses(triangles.len())).map(outwards).collect())
     }
 }
 
@@ -209,9 +229,9 @@ fn texture_corners(
     index: usize,
     description: &MeshDescription,
     mesh: &TriangleMesh,
+    coordinates: &[DVec2],
     triangles: &[[u32; 3]],
 ) -> Result<Vec<[DVec2; 3]>, SceneError> {
-    let coordinates = &mesh.texture_coordinates;
     if coordinates.len() != mesh.positions.len() || !coordinates.iter().all(|pair| is_within(&pair.to_array())) {
         let expected = format!("one in every vertex: material \"{}\" has a texture", description.material);
         return Err(mesh_error(index, "no usable texture coordinates", expected));

@@ -5,6 +5,11 @@ use std::fmt;
 /// A part of building a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BuildStep<'a> {
+    /// The files of other programs are read.
+    Imports {
+        /// How many there are.
+        count: usize,
+    },
     /// The pictures of materials are decoded.
     Textures,
     /// The faces of panes are computed or decoded.
@@ -33,6 +38,7 @@ pub enum BuildStep<'a> {
 impl fmt::Display for BuildStep<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Imports { count } => write!(formatter, "Reading the imports, {count} in all"),
             Self::Textures => write!(formatter, "Decoding the textures"),
             Self::Panes { count } => write!(formatter, "Building the panes, {count} in all"),
             Self::Mesh { name, number, count } => write!(formatter, "Building mesh {number} of {count}, {name:?}"),

@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::description::{CameraDescription, FilmDescription};
+use crate::exchange::{CameraModel, ProjectionModel};
 use crate::geometry::{Frame, Ray};
 use crate::settings::Triple;
 
@@ -67,6 +68,21 @@ impl Camera {
                 .map(|[x, y]| self.ray(self.half_size * DVec2::new(x, y)).origin)
                 .to_vec(),
         }
+    }
+}
+
+impl CameraDescription {
+    /// What it is for other programs; `None` if it cannot be exported.
+    pub fn model(&self) -> Option<CameraModel> {
+        let (position, look_at, up, projection) = match *self {
+            Self::Perspective { position, look_at, up, vertical_field_of_view } => {
+                (position, look_at, up, ProjectionModel::Perspective { vertical_field_of_view })
+            }
+            Self::Orthographic { position, look_at, up, height } => {
+                (position, look_at, up, ProjectionModel::Orthographic { height })
+            }
+        };
+        Some(CameraModel { position, look_at, up, projection })
     }
 }
 

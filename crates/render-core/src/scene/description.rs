@@ -68,7 +68,10 @@ pub struct MeshDescription {
     pub material: String,
     /// Where the triangles come from.
     pub source: MeshSource,
-    /// Uniform scale, applied first.
+    /// Three rows of four numbers, by which (x, y, z, 1) is multiplied before everything else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<[[f64; 4]; 3]>,
+    /// Uniform scale, applied after the matrix.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scale: f64,
@@ -113,9 +116,33 @@ pub enum MeshSource {
     Obj {
         /// The file.
         file: String,
+        /// One part of it, from 0: the faces of one object or group that have one material. All of it where no part is
+        /// named.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        part: Option<u32>,
     },
+    /// A primitive of a mesh in a glTF file (.gltf or .glb), relative to the scene file; its material is ignored.
+    Gltf(GltfSource),
     /// Waves on water, or ripples of sand.
     Waves(WaveDescription),
+}
+
+/// A primitive of a mesh in a glTF file. v = 0 of its texture coordinates is the bottom of a picture, as everywhere in
+/// a scene; the file has it at the top.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GltfSource {
+    /// The file.
+    pub file: String,
+    /// Other files that it refers to and that its triangles need.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub files: Vec<String>,
+    /// Number of the mesh, from 0.
+    #[serde(default)]
+    pub mesh: u32,
+    /// Number of the primitive in the mesh, from 0.
+    #[serde(default)]
+    pub primitive: u32,
 }
 
 /// A rectangle about the origin with 16 plane waves in random directions, moving as on deep water.

@@ -10,16 +10,19 @@ use std::fmt;
 
 use glam::DVec2;
 
-use super::assets::{Assets, texture_uses};
+use super::asset_uses::{environment_uses, picture_bytes, texture_uses};
+use super::assets::Assets;
 use super::build_panes::{face_path, faces};
 use super::description::{MeshDescription, MeshSource, PaneDescription, ProfileDescription};
-use super::mesh_file::MeshFile;
-use super::mesh_format::MeshFormat;
+use super::mesh_file::MeshFiles;
+use super::mesh_format::{FileMesh, MeshFormat, MeshPart};
 use super::parts::SceneParts;
 use super::profile::procedural_grid;
+use crate::light::EnvironmentMap;
 use crate::settings::SceneError;
 use crate::settings::check::check_budget;
 use crate::settings::limits::{MAX_COEFFICIENTS, MAX_TEXELS, MAX_TRIANGLES};
+use crate::texture::PictureKey;
 use crate::texture::picture_size::{PictureSize, picture_size};
 
 /// Bytes of all that is not counted: names, materials, lights.
@@ -68,10 +71,12 @@ impl SceneMemory {
             scene,
             assets,
             have_specular_meshes: scene.meshes.iter().any(|mesh| scene.is_specular(mesh)),
+            mesh_files: MeshFiles::new(assets),
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),
         };
         let mut parts = textures(&mut files);
+        parts.extend(environments(&mut files));
         for (index, mesh) in scene.meshes.iter().enumerate() {
             parts.push(mesh_part(&mut files, index, mesh));
         }
@@ -148,38 +153,50 @@ struct Files<'a> {
     assets: &'a Assets,
     /// Whether any mesh refracts or mirrors, so that all are compared with it.
     have_specular_meshes: bool,
-    /// Vertices and triangles.
-    meshes: BTreeMap<(MeshFormat, &'a str), [u64; 2]>,
-    pictures: BTreeMap<&'a str, PictureSize>,
+    mesh_files: MeshFiles<'a>,
+    /// Vertices and triangles of parts of files.
+    meshes: BTreeMap<(MeshFormat, &'a str, MeshPart), [u64; 2]>,
+    pictures: BTreeMap<(&'a str, Option<u32>), PictureSize>,
 }
 
 impl<'a> Files<'a> {
-    /// The vertices and triangles of a file, and whether it has not been looked at before.
-    fn mesh(&mut self, format: MeshFormat, file: &'a str) -> ([u64; 2], bool) {
-        if let Some(counts) = self.meshes.get(&(format, file)) {
+    /// The vertices and triangles of a part of a file, and whether it has not been looked at before.
+    fn mesh(&mut self, mesh: FileMesh<'a>) -> ([u64; 2], bool) {
+        let key = (mesh.format, mesh.file, mesh.part);
+        if let Some(counts) = self.meshes.get(&key) {
             return (*counts, false);
         }
-        let asset = self.assets.get(file);
-        let opened = asset.and_then(|asset| MeshFile::open(format, asset.bytes()).ok());
-        let counts = opened.map_or([0; 2], |file| [file.vertices() as u64, file.triangles() as u64]);
-        self.meshes.insert((format, file), counts);
+        let size = self.mesh_files.file(mesh).and_then(|file| file.size(mesh.part));
+        let counts = size.unwrap_or_default().map(|count| count as u64);
+        self.meshes.insert(key, counts);
         (counts, true)
     }
 
-    fn picture(&mut self, file: &'a str) -> PictureSize {
-        let read = || self.assets.get(file).and_then(|asset| picture_size(asset.bytes()).ok());
-        *self.pictures.entry(file).or_insert_with(|| read().unwrap_or_default())
+    /// The size of a picture: a file, or one of the pictures in it.
+    fn picture(&mut self, file: &'a str, image: Option<u32>) -> PictureSize {
+        let read = || picture_bytes(self.assets, file, image).and_then(|bytes| picture_size(&bytes)).ok();
+        *self.pictures.entry((file, image)).or_insert_with(|| read().unwrap_or_default())
     }
 }
 
 fn textures<'a>(files: &mut Files<'a>) -> Vec<Part> {
     let mut seen = BTreeSet::new();
-    let textures = texture_uses(files.scene).filter(|(_, file)| seen.insert(*file));
-    let part = |(path, file): (String, &'a str)| {
-        let PictureSize { pixels, decoded_bytes } = files.picture(file);
+    let textures = texture_uses(files.scene).filter(|(_, picture)| seen.insert(*picture));
+    let part = |(path, picture): (String, PictureKey<'a>)| {
+        let PictureSize { pixels, decoded_bytes } = files.picture(picture.file, picture.image);
         Part { path, count: pixels, kind: Kind::Texels, decoding: decoded_bytes, kept: TEXEL_BYTES * pixels }
     };
     textures.map(part).collect()
+}
+
+fn environments<'a>(files: &mut Files<'a>) -> Vec<Part> {
+    let uses = environment_uses(files.scene);
+    let part = |(path, file): (String, &'a str)| {
+        let PictureSize { pixels, decoded_bytes } = files.picture(file, None);
+        let kept = EnvironmentMap::bytes(pixels);
+        Part { path, count: pixels, kind: Kind::Texels, decoding: decoded_bytes, kept }
+    };
+    uses.map(part).collect()
 }
 
 /// Bytes of a decoded texel.
@@ -188,35 +205,36 @@ const TEXEL_BYTES: u64 = 12;
 fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription) -> Part {
     let (source, ([vertices, triangles], decoded)) = match &mesh.source {
         MeshSource::Inline { positions, triangles, .. } => {
-            ("inline.triangles", ([positions.len() as u64, triangles.len() as u64], true))
+            ("inline.triangles".to_owned(), ([positions.len() as u64, triangles.len() as u64], true))
         }
         MeshSource::Waves(waves) => {
             let [columns, rows] = waves.cells.map(|cells| u64::from(cells) + 1);
-            ("waves.cells", ([columns * rows, waves.triangles() as u64], true))
+            ("waves.cells".to_owned(), ([columns * rows, waves.triangles() as u64], true))
         }
-        MeshSource::Ply { file } => ("ply.file", files.mesh(MeshFormat::Ply, file)),
-        MeshSource::Obj { file } => ("obj.file", files.mesh(MeshFormat::Obj, file)),
+        from_file => match from_file.file() {
+            Some(file) => (file.place(), files.mesh(file)),
+            None => (String::new(), ([0; 2], false)),
+        },
     };
     let is_specular = files.scene.is_specular(mesh);
     let material = files.scene.materials.get(&mesh.material);
-    let is_textured = material.is_some_and(|material| material.texture().is_some());
-    let from_file = matches!(mesh.source, MeshSource::Ply { .. } | MeshSource::Obj { .. });
-    let decoding = match mesh.source {
-        _ if !decoded => 0,
-        MeshSource::Inline { .. } | MeshSource::Waves(_) => {
-            DECODED_VERTEX * vertices + DECODED_TRIANGLE * triangles + WAVES_VERTEX * vertices
-        }
-        MeshSource::Ply { .. } | MeshSource::Obj { .. } => READ_VERTEX * vertices + READ_TRIANGLE * triangles,
+    let textures = material.map_or(Vec::new(), |material| material.textures());
+    let sets: BTreeSet<u32> = textures.iter().map(|texture| texture.texture.coordinates).collect();
+    let from_file = mesh.source.file().is_some();
+    let decoding = match (decoded, from_file) {
+        (false, _) => 0,
+        (true, false) => DECODED_VERTEX * vertices + DECODED_TRIANGLE * triangles + WAVES_VERTEX * vertices,
+        (true, true) => READ_VERTEX * vertices + READ_TRIANGLE * triangles,
     };
     let kept_file = if from_file && decoded { DECODED_VERTEX * vertices + DECODED_TRIANGLE * triangles } else { 0 };
-    let surface = match (is_specular, is_textured) {
-        (true, _) => SPECULAR_TRIANGLE,
-        (_, true) => TEXTURED_TRIANGLE,
-        (false, false) => 0,
-    };
+    let uses_normals = material.is_some_and(|material| material.uses_normals());
+    let parts = [(is_specular, SPECULAR_TRIANGLE), (uses_normals, ROUNDED_TRIANGLE)];
+    let surface: u64 = parts.iter().filter(|(is_there, _)| *is_there).map(|(_, bytes)| bytes).sum();
+    let surface = surface + TEXTURED_TRIANGLE * sets.len() as u64;
     let compared = if files.have_specular_meshes { COMPARED_TRIANGLE } else { 0 };
+    let is_measured = is_specular || uses_normals;
     let passing =
-        KEPT_TRIANGLE * triangles + if is_specular { SPECULAR_PASSING * triangles + 24 * vertices } else { 0 };
+        KEPT_TRIANGLE * triangles + if is_measured { MEASURED_PASSING * triangles + 24 * vertices } else { 0 };
     Part {
         path: format!("meshes[{index}].source.{source}"),
         count: triangles,
@@ -229,7 +247,7 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
 }
 
 /// Bytes of a vertex and of a triangle in a decoded mesh.
-const DECODED_VERTEX: u64 = 24 + 24 + 16;
+const DECODED_VERTEX: u64 = 24 + 24 + 16 + 16 + 16;
 const DECODED_TRIANGLE: u64 = 12;
 
 /// Bytes of a vertex that computing waves takes besides.
@@ -254,13 +272,16 @@ const KEPT_TRIANGLE: u64 = 36;
 /// that grows; three entries of 20 bytes and a little; and its number in five arrays of one cell.
 const COMPARED_TRIANGLE: u64 = 4 * GROWTH + 62 + 4 * 5;
 
-/// Bytes of a triangle that refracts or mirrors: its normals, its area.
-const SPECULAR_TRIANGLE: u64 = 72 + 8;
+/// Bytes of a triangle that methods search: its area.
+const SPECULAR_TRIANGLE: u64 = 8;
 
-/// Bytes of such a triangle while these are computed.
-const SPECULAR_PASSING: u64 = 24;
+/// Bytes of a triangle with normals at its corners.
+const ROUNDED_TRIANGLE: u64 = 72;
 
-/// Bytes of a triangle with a texture.
+/// Bytes of a triangle of either kind while these are computed.
+const MEASURED_PASSING: u64 = 24;
+
+/// Bytes of a triangle for each set of texture coordinates that its textures use.
 const TEXTURED_TRIANGLE: u64 = 48;
 
 /// Bytes of a triangle that hierarchies take while they are built; what is made afterwards takes less.
@@ -276,7 +297,7 @@ fn pane_parts<'a>(
         let path = face_path(index, face);
         let (path, count, decoding, map) = match profile {
             ProfileDescription::HeightMap { file, .. } => {
-                let picture = files.picture(file);
+                let picture = files.picture(file, None);
                 let decoded = if heights.insert(file) { 1 } else { 0 };
                 let map = MAP_VALUE * picture.pixels * decoded;
                 (path + ".height_map.file", picture.pixels, picture.decoded_bytes * decoded, map)
@@ -357,10 +378,12 @@ mod tests {
             scene: bundle.description().parts(),
             assets: bundle.assets(),
             have_specular_meshes: false,
+            mesh_files: MeshFiles::new(bundle.assets()),
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),
         };
-        let looked_at: Vec<_> = (0..3).map(|_| files.mesh(MeshFormat::Obj, "a.obj")).collect();
+        let mesh = bundle.description().meshes[0].source.file().unwrap();
+        let looked_at: Vec<_> = (0..3).map(|_| files.mesh(mesh)).collect();
         assert_eq!(looked_at, [([3, 1], true), ([3, 1], false), ([3, 1], false)]);
     }
 

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::description::MeshDescription;
-use crate::settings::Triple;
+use crate::geometry::rotation::rotation;
 
 /// Triangles with shared vertices, in the coordinates of their file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,8 +14,12 @@ pub(super) struct TriangleMesh {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Texture coordinates, one for each vertex; empty when there are none.
     pub(super) texture_coordinates: Vec<DVec2>,
+    /// A second set of texture coordinates; empty when there is none.
+    pub(super) second_texture_coordinates: Vec<DVec2>,
     /// Normals of any length, one for each vertex; empty when there are none.
     pub(super) normals: Vec<DVec3>,
+    /// Colours by which a material may be multiplied, linear, one for each vertex; empty when there are none.
+    pub(super) colours: Vec<[f32; 4]>,
 }
 
 /// Whether three points lie on one line, as far as double precision can tell.
@@ -26,9 +30,10 @@ pub(super) fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
     !(doubled_area > longest_squared * 1e-12 && doubled_area.is_finite())
 }
 
-/// How a mesh is placed in the scene: scaled, then rotated, then moved.
+/// How a mesh is placed in the scene: by its matrix, then scaled, then rotated, then moved.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
+    matrix: Option<Matrix>,
     rotation: DMat3,
     scale: f64,
     translate: DVec3,
@@ -37,54 +42,53 @@ pub(super) struct Placement {
 impl Placement {
     /// The placement that a scene file describes.
     pub(super) fn of(mesh: &MeshDescription) -> Self {
-        Self { rotation: rotation(mesh.rotate), scale: mesh.scale, translate: DVec3::from(mesh.translate) }
+        Self {
+            matrix: mesh.matrix.map(Matrix::new),
+            rotation: rotation(mesh.rotate),
+            scale: mesh.scale,
+            translate: DVec3::from(mesh.translate),
+        }
     }
 
     /// Where a point of the file lies in the scene.
     pub(super) fn apply(&self, point: DVec3) -> DVec3 {
+        let point = self.matrix.map_or(point, |matrix| matrix.linear * point + matrix.translation);
         self.rotation * self.scale * point + self.translate
     }
 
     /// Where a normal of the file points in the scene.
     pub(super) fn turn(&self, normal: DVec3) -> DVec3 {
-        self.rotation * normal
+        self.rotation * self.matrix.map_or(normal, |matrix| matrix.of_normals * normal)
+    }
+
+    /// Whether a triangle whose corners are seen counterclockwise is seen clockwise in the scene.
+    pub(super) fn mirrors(&self) -> bool {
+        self.matrix.is_some_and(|matrix| matrix.linear.determinant() < 0.0)
     }
 }
 
-/// The rotation about the fixed axes x, then y, then z, in degrees.
-fn rotation(degrees: Triple) -> DMat3 {
-    let [x, y, z] = degrees.map(sine_and_cosine);
-    let about_x = DMat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, x.1, x.0, 0.0, -x.0, x.1]);
-    let about_y = DMat3::from_cols_array(&[y.1, 0.0, -y.0, 0.0, 1.0, 0.0, y.0, 0.0, y.1]);
-    let about_z = DMat3::from_cols_array(&[z.1, z.0, 0.0, -z.0, z.1, 0.0, 0.0, 0.0, 1.0]);
-    about_z * about_y * about_x
+/// An affine map.
+#[derive(Clone, Copy, Debug)]
+struct Matrix {
+    linear: DMat3,
+    translation: DVec3,
+    /// What normals are multiplied by: the cofactors, which are the inverse transpose up to a factor, and exist where
+    /// there is no inverse. They turn a normal to the other side where the map mirrors.
+    of_normals: DMat3,
 }
 
-/// Sine and cosine of an angle in degrees, exact at multiples of a right angle, so that turned walls still meet.
-fn sine_and_cosine(degrees: f64) -> (f64, f64) {
-    match degrees.rem_euclid(360.0) {
-        0.0 => (0.0, 1.0),
-        90.0 => (1.0, 0.0),
-        180.0 => (0.0, -1.0),
-        270.0 => (-1.0, 0.0),
-        turn => libm::sincos(turn.to_radians()),
+impl Matrix {
+    fn new(rows: [[f64; 4]; 3]) -> Self {
+        let [x, y, z, translation] = [0, 1, 2, 3].map(|column| DVec3::from(rows.map(|row| row[column])));
+        let linear = DMat3::from_cols(x, y, z);
+        let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
+        Self { linear, translation, of_normals: DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rotations_turn_counterclockwise_about_x_then_y_then_z() {
-        let x = DVec3::X;
-        assert_eq!(rotation([0.0, 0.0, 90.0]) * x, DVec3::Y);
-        assert_eq!(rotation([0.0, 90.0, 0.0]) * x, DVec3::NEG_Z);
-        assert_eq!(rotation([90.0, 0.0, 0.0]) * DVec3::Y, DVec3::Z);
-        assert_eq!(rotation([90.0, 0.0, 90.0]) * DVec3::Y, DVec3::Z);
-        let turned = rotation([20.0, -35.0, 110.0]);
-        assert!((turned.determinant() - 1.0).abs() < 1e-14);
-    }
 
     #[test]
     fn slivers_are_triangles_and_lines_are_not() {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use crate::bsdf::Bsdf;
+use crate::texture::TextureCoordinates;
 
 /// The triangles of one mesh, which follow one another in the scene.
 #[derive(Clone, Debug)]
@@ -22,9 +23,13 @@ pub(super) struct Surface {
     pub(super) bsdf: Arc<dyn Bsdf>,
     /// Texture coordinates at the corners of each triangle, where there is a texture.
     pub(super) texture: Option<Vec<[DVec2; 3]>>,
-    /// Normals at the corners of each triangle, on the side of the triangle's own; none where that is all there is.
+    /// The second set of texture coordinates there, where a texture uses it.
+    pub(super) second_texture: Option<Vec<[DVec2; 3]>>,
+    /// Normals at the corners of each triangle, on the side of the triangle's own; none where that is all there is, or
+    /// all that the BSDF uses.
     pub(super) normals: Option<Vec<[DVec3; 3]>>,
-    /// For each triangle, the area of all triangles up to it, square metres; for delta BSDFs, on which seeds are drawn.
+    /// For each triangle, the area of all triangles up to it, square metres; for meshes that methods search, on which
+    /// seeds are drawn.
     pub(super) areas: Option<Vec<f64>>,
 }
 
@@ -45,9 +50,9 @@ impl MeshSurface {
         self.omitted_triangles
     }
 
-    /// Whether its triangles refract or mirror light.
+    /// Whether its triangles refract or mirror light, so that specular methods search them.
     pub fn is_specular(&self) -> bool {
-        self.surface.bsdf.is_delta()
+        self.surface.bsdf.as_delta().is_some()
     }
 
     /// Whether light goes through its triangles.
@@ -61,14 +66,21 @@ impl MeshSurface {
     }
 
     /// The normals at the corners of a triangle of the scene, where they are not the triangle's own.
-    pub(crate) fn corner_normals(&self, triangle: u32) -> Option<&[DVec3; 3]> {
+    pub fn corner_normals(&self, triangle: u32) -> Option<&[DVec3; 3]> {
         Some(&self.surface.normals.as_ref()?[(triangle - self.first_triangle) as usize])
     }
 
-    /// The texture coordinate at a point of a triangle of the scene; zero where there is no texture.
-    pub(super) fn texture_coordinate(&self, triangle: u32, [u, v]: [f64; 2]) -> DVec2 {
-        let Some(corners) = &self.surface.texture else { return DVec2::ZERO };
-        let [a, b, c] = corners[(triangle - self.first_triangle) as usize];
-        a * (1.0 - u - v) + b * u + c * v
+    /// The texture coordinates at the corners of a triangle of the scene, where there is a texture.
+    pub fn corner_texture_coordinates(&self, triangle: u32) -> Option<&[DVec2; 3]> {
+        Some(&self.surface.texture.as_ref()?[(triangle - self.first_triangle) as usize])
+    }
+
+    /// The texture coordinates at a point of a triangle of the scene; zero where there is no texture.
+    pub(super) fn texture_coordinates(&self, triangle: u32, [u, v]: [f64; 2]) -> TextureCoordinates {
+        TextureCoordinates([&self.surface.texture, &self.surface.second_texture].map(|corners| {
+            let Some(corners) = corners else { return DVec2::ZERO };
+            let [a, b, c] = corners[(triangle - self.first_triangle) as usize];
+            a * (1.0 - u - v) + b * u + c * v
+        }))
     }
 }

@@ -3,6 +3,7 @@
 //! `description` holds the types of the things in a scene file. With the bytes of the files that they name, they are
 //! built into an immutable [`Scene`]. It knows no method that renders it.
 
+pub(crate) mod asset_uses;
 pub mod assets;
 mod at_triangles;
 mod build;
@@ -11,7 +12,9 @@ mod build_panes;
 mod build_step;
 pub mod camera;
 pub mod description;
+mod framing;
 pub mod hash;
+pub mod import;
 pub mod memory;
 pub(crate) mod mesh;
 mod mesh_file;
@@ -36,8 +39,10 @@ pub(crate) mod waves;
 pub use crate::settings::{AssetProblem, SceneError, limits};
 pub use assets::{Asset, Assets};
 pub use build::Scene;
+pub use build_meshes::decode_textures;
 pub use build_step::BuildStep;
 pub use camera::Camera;
+pub use framing::view_of;
 pub use hash::{ContentHash, SceneHash};
 pub use memory::SceneMemory;
 pub use mesh_surface::MeshSurface;

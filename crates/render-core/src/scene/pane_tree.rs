@@ -82,6 +82,7 @@ impl LightRegion {
         match light.bounds() {
             LightBounds::Cap { direction, sin_radius } => Self::Cap { direction, chord: cap_chord(sin_radius) },
             LightBounds::Ball { centre, radius } => Self::Ball { centre, radius },
+            LightBounds::Everywhere => Self::Cap { direction: DVec3::Z, chord: 2.0 },
         }
     }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
+use super::import::ImportDescription;
 use crate::bsdf::MaterialDescription;
 use crate::light::LightDescription;
 
@@ -17,6 +18,8 @@ pub struct SceneParts<'a> {
     pub materials: &'a BTreeMap<String, MaterialDescription>,
     /// Triangle meshes.
     pub meshes: &'a [MeshDescription],
+    /// Files of other programs; none once their things are among the others.
+    pub imports: &'a [ImportDescription],
     /// Window panes.
     pub panes: &'a [PaneDescription],
     /// Lights.
@@ -24,8 +27,14 @@ pub struct SceneParts<'a> {
 }
 
 impl SceneParts<'_> {
-    /// Whether a mesh refracts or mirrors light.
+    /// Whether a mesh refracts or mirrors light, so that specular methods search it.
     pub(crate) fn is_specular(&self, mesh: &MeshDescription) -> bool {
-        self.materials.get(&mesh.material).is_some_and(|material| material.is_delta())
+        self.materials.get(&mesh.material).is_some_and(|material| material.is_searched())
+    }
+
+    /// Whether a mesh scatters light into single directions, and no specular method searches it.
+    pub(crate) fn is_left_to_chance(&self, mesh: &MeshDescription) -> bool {
+        let material = self.materials.get(&mesh.material);
+        material.is_some_and(|material| material.is_delta() && !material.is_searched())
     }
 }

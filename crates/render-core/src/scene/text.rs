@@ -88,6 +88,15 @@ pub(super) fn expected_number(word: &[u8]) -> &'static str {
     }
 }
 
+/// A name in a file, UTF-8 or else Latin-1.
+pub(super) fn name(text: &[u8]) -> String {
+    let text = text.trim_ascii();
+    match std::str::from_utf8(text) {
+        Ok(name) => name.to_owned(),
+        Err(_) => text.iter().copied().map(char::from).collect(),
+    }
+}
+
 /// At most this many bytes of a line are repeated in a message.
 const MAX_QUOTED: usize = 60;
 

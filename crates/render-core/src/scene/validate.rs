@@ -7,6 +7,7 @@ use glam::{DVec3, UVec3};
 use super::description::{
     CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, WaveDescription,
 };
+use super::import::check_imports;
 use super::mesh::is_degenerate;
 use super::parts::SceneParts;
 use super::profile;
@@ -45,6 +46,8 @@ impl SceneParts<'_> {
         let root = JsonPath::Root;
         self.check_materials(&root.member("materials"))?;
         self.check_meshes(&root.member("meshes"))?;
+        let is_material = |name: &str| self.materials.contains_key(name);
+        check_imports(self.imports, &is_material, &root.member("imports"))?;
         check_count(self.panes.len(), MAX_PANES, &root.member("panes"))?;
         let mut names = Names::default();
         for (index, pane) in self.panes.iter().enumerate() {
@@ -54,10 +57,17 @@ impl SceneParts<'_> {
         }
         check_count(self.lights.len(), MAX_LIGHTS, &root.member("lights"))?;
         let mut names = Names::default();
+        let mut environment = None;
         for (index, light) in self.lights.iter().enumerate() {
             let lights = root.member("lights");
             let light_path = lights.element(index);
             let settings = light_path.member(light.kind());
+            if light.is_environment()
+                && let Some(first) = environment.replace(index)
+            {
+                let expected = format!("one environment in a scene, and lights[{first}] is one");
+                return Err(SceneError::value(&settings, "a second environment", expected));
+            }
             check_name(light.name(), &settings.member("name"))?;
             light.check(&settings)?;
             names.add(light.name(), &settings)?;
@@ -90,6 +100,13 @@ impl SceneParts<'_> {
             let expected = format!("the name of one of the materials ({})", known.join(", "));
             return Err(SceneError::value(&path.member("material"), Quoted(&mesh.material), expected));
         };
+        let matrix = path.member("matrix");
+        for (index, row) in mesh.matrix.iter().flatten().enumerate() {
+            let row_path = matrix.element(index);
+            for (column, number) in row.iter().enumerate() {
+                check_range(*number, -MAX_COORDINATE, MAX_COORDINATE, &row_path.element(column))?;
+            }
+        }
         check_range(mesh.scale, 1e-6, 1e6, &path.member("scale"))?;
         check_triple(mesh.rotate, -36_000.0, 36_000.0, &path.member("rotate"))?;
         check_triple(mesh.translate, -MAX_COORDINATE, MAX_COORDINATE, &path.member("translate"))?;
@@ -101,9 +118,8 @@ impl SceneParts<'_> {
                 check_normals(normals, positions.len(), &inline)?;
                 check_texture_coordinates(texture_coordinates, positions.len(), material, &inline)
             }
-            MeshSource::Ply { file } => check_asset_name(file, &source.member("ply").member("file")),
-            MeshSource::Obj { file } => check_asset_name(file, &source.member("obj").member("file")),
             MeshSource::Waves(waves) => check_waves(waves, &source.member("waves")),
+            from_file => from_file.file().map_or(Ok(()), |file| file.check(&source)),
         }
     }
 }
@@ -200,7 +216,7 @@ fn check_texture_coordinates(
     for (index, pair) in coordinates.iter().enumerate() {
         check_pair(*pair, -MAX_COORDINATE, MAX_COORDINATE, &path.element(index))?;
     }
-    if coordinates.is_empty() && material.texture().is_none() {
+    if coordinates.is_empty() && material.textures().is_empty() {
         return Ok(());
     }
     if coordinates.len() != vertices {

@@ -14,8 +14,7 @@ use super::parts::SceneParts;
 use super::{Camera, MeshSurface};
 use crate::geometry::Pane;
 use crate::geometry::contact::{NOWHERE, Shape, contact, join, overlap, way_out};
-use crate::light::Body;
-use crate::light::Light;
+use crate::light::{Body, EnvironmentMaps, Light};
 use crate::settings::Check;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
@@ -90,7 +89,10 @@ impl Obstacles {
     ///
     /// What stands where, and a way out.
     pub fn check(&self, scene: SceneParts<'_>) -> Result<(), SceneError> {
-        let lights: Vec<Light> = scene.lights.iter().map(Light::new).collect();
+        // Lights that have no place stand nowhere, and their pictures are not at hand.
+        let placed = scene.lights.iter().enumerate().filter(|(_, light)| light.place().is_some());
+        let lights: Vec<(usize, Light)> =
+            placed.map(|(index, light)| (index, Light::new(light, &EnvironmentMaps::new()))).collect();
         let mut places = Places { scene, panes: &self.panes, budget: MOST_PARTS };
         places.check_lights(&lights)?;
         places.check_camera(&Camera::new(scene.camera, scene.film), &lights)
@@ -187,14 +189,14 @@ impl Places<'_> {
         self.budget = self.budget.saturating_sub(boxes.div_ceil(BOXES_FOR_A_PART) as u32);
     }
 
-    fn check_lights(&mut self, lights: &[Light]) -> Check {
-        for (index, light) in lights.iter().enumerate() {
+    fn check_lights(&mut self, lights: &[(usize, Light)]) -> Check {
+        for (index, light) in lights {
             let Some(body) = light.body() else { continue };
             let Some((pane, at)) = self.pane_around(&shape_of(&body)) else { continue };
-            let description = &self.scene.lights[index];
+            let description = &self.scene.lights[*index];
             let root = JsonPath::Root;
             let (lights, place) = (root.member("lights"), description.place().unwrap_or_default());
-            let (element, kind) = (lights.element(index), description.kind());
+            let (element, kind) = (lights.element(*index), description.kind());
             let found = format!("light {} in or against {}", Quoted(&light.name), self.glass(pane, at));
             let expected = format!(
                 "outside of glass, such as {} (its light would be lost there)",
@@ -205,7 +207,7 @@ impl Places<'_> {
         Ok(())
     }
 
-    fn check_camera(&mut self, camera: &Camera, lights: &[Light]) -> Check {
+    fn check_camera(&mut self, camera: &Camera, lights: &[(usize, Light)]) -> Check {
         let aperture = camera.aperture();
         let shape = match aperture[..] {
             [centre] => Shape::Ball { centre, radius: 0.0 },
@@ -223,7 +225,7 @@ impl Places<'_> {
             let expected = format!("outside of glass, such as {} (all would be black there)", self.way(pane, &shape));
             return Err(SceneError::value(&camera.member("position"), found, expected));
         }
-        for (index, light) in lights.iter().enumerate() {
+        for (index, light) in lights {
             let Some(Body::Ball { centre, radius }) = light.body() else { continue };
             if radius == 0.0 || distance_to(centre, &aperture) > radius {
                 continue;
@@ -231,7 +233,7 @@ impl Places<'_> {
             let found = format!("{subject} inside of the sphere light {} (lights[{index}])", Quoted(&light.name));
             let expected = format!(
                 "more than its radius of {radius} m from its centre: a sphere shines outwards, and is black from \
-                 within; two suns of angular_radius 90 in opposite directions are light from all around"
+                 within; an environment is light from all around"
             );
             return Err(SceneError::value(&camera.member("position"), found, expected));
         }

@@ -76,6 +76,7 @@ impl WaveDescription {
                 .map(|corner| DVec2::new(unit(corner % columns, columns), unit(corner / columns, rows)))
                 .collect(),
             normals: slopes.into_iter().map(|slope| DVec3::new(-slope.x, -slope.y, 1.0).normalize()).collect(),
+            ..TriangleMesh::default()
         }
     }
 

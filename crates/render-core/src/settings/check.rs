@@ -112,17 +112,24 @@ impl fmt::Display for Quoted<'_> {
 /// Checks that a file lies beside the scene file or below it and has one name on every system: the name is also that
 /// of an uploaded asset.
 pub(crate) fn check_asset_name(name: &str, path: &JsonPath<'_>) -> Check {
-    let is_part = |part: &str| !part.is_empty() && part != "." && part != "..";
-    let is_forbidden = |character: char| character.is_control() || matches!(character, '\\' | ':');
-    if name.len() <= MAX_NAME_BYTES && name.split('/').all(is_part) && !name.chars().any(is_forbidden) {
+    if is_asset_name(name) {
         return Ok(());
     }
-    let expected = format!(
-        "a path relative to the scene file of at most {MAX_NAME_BYTES} bytes, with \"/\" between folders and without \
-         \".\", \"..\", \"\\\" and \":\""
-    );
+    let expected = format!("a path relative to the scene file {ASSET_NAME_RULE}");
     Err(SceneError::value(path, format_args!("\"{name}\""), expected))
 }
+
+/// Whether a path names a file beside the file that holds it, or below its folder, on every system.
+pub(crate) fn is_asset_name(name: &str) -> bool {
+    let is_part = |part: &str| !part.is_empty() && part != "." && part != "..";
+    let is_forbidden = |character: char| character.is_control() || matches!(character, '\\' | ':');
+    name.len() <= MAX_NAME_BYTES && name.split('/').all(is_part) && !name.chars().any(is_forbidden)
+}
+
+/// What [`is_asset_name`] demands, after "a path relative to".
+pub(crate) const ASSET_NAME_RULE: &str =
+    "of at most 200 bytes, with \"/\" between folders and without \".\", \"..\", \"\\\" and \":\"";
+const _: () = assert!(MAX_NAME_BYTES == 200, "as the rule says");
 
 /// Checks that all things of a kind together are not too many.
 pub(crate) fn check_budget(count: usize, limit: usize, unit: &str, member: &str) -> Result<(), SceneError> {

@@ -109,6 +109,16 @@ impl SceneError {
         }
     }
 
+    /// The same with another path, where there is one.
+    pub(crate) fn with_path(mut self, change: impl FnOnce(&str) -> Option<String>) -> Self {
+        if let Self::Structure { path, .. } | Self::Value { path, .. } | Self::Asset { path, .. } = &mut self
+            && let Some(changed) = change(path)
+        {
+            *path = changed;
+        }
+        self
+    }
+
     /// A value of the right type that makes no sense.
     pub(crate) fn value(path: &JsonPath<'_>, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::Value { path: path.to_string(), found: one_line(&found.to_string()), expected: expected.to_string() }

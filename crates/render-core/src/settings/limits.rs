@@ -38,3 +38,6 @@ pub const MAX_LIGHT_COORDINATE: f64 = 1e12;
 
 /// Radiance, W/(m2 sr), or intensity, W/sr, of a light in each channel.
 pub const MAX_EMISSION: f64 = 1e30;
+
+/// Radiance in a picture of an environment, before it is scaled.
+pub const MAX_PICTURE_RADIANCE: f64 = 1e24;

@@ -6,6 +6,7 @@ pub mod error;
 mod kinds;
 pub mod limits;
 pub(crate) mod path;
+pub(crate) mod pattern;
 pub(crate) mod schema_place;
 
 pub use check::Check;

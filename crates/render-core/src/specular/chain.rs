@@ -165,15 +165,15 @@ impl Chain {
                     return None;
                 }
                 let interface = scene.delta_bsdf(*index)?;
-                let normals = scene.normals(*index, *barycentric);
+                let place = scene.surface_point(*index, *barycentric);
                 let (bend, factor, next) = match event {
                     SpecularEvent::Transmission => {
-                        let crossing = interface.transmit(ray.direction, &normals)?;
+                        let crossing = interface.transmit(ray.direction, &place.normals)?;
                         let factor = DVec3::splat(crossing.radiance_factor());
                         (Bend::Transmission { ratio: crossing.ratio }, factor, crossing.direction)
                     }
                     SpecularEvent::Reflection => {
-                        let (next, fraction) = interface.reflect(ray.direction, &normals)?;
+                        let (next, fraction) = interface.reflect(ray.direction, &place)?;
                         (Bend::Reflection, fraction, next)
                     }
                 };

@@ -92,7 +92,7 @@ const SETTLED: f64 = 0.5;
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
 impl<'a> LightView<'a> {
-    /// The view of a light, which is empty for a point light.
+    /// The view of a light, which is empty for a point light and for one that is all around.
     pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
         let (mut apertures, mut windows) = (Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
@@ -108,7 +108,8 @@ impl<'a> LightView<'a> {
             if !side.rises_above(origin, pane.frame.vector_to_local(point.normal)) {
                 continue;
             }
-            let Some(window) = Window::new(&side, origin, &light_bounds(source, &pane.frame)) else { continue };
+            let Some(bounds) = light_bounds(source, &pane.frame) else { continue };
+            let Some(window) = Window::new(&side, origin, &bounds) else { continue };
             windows.push(window);
             apertures.push(PaneAperture { pane: index, side, origin });
         }
@@ -148,7 +149,8 @@ impl<'a> LightView<'a> {
             let place = min + (max - min) * DVec2::new(along, across - across.floor());
             let aperture = &self.apertures[patch.aperture];
             let density = patch.density(self.stride, aperture, place);
-            if let Some(light_sample) = self.look(aperture, place, density, counters) {
+            let aimed = AimedRay { place, density };
+            if let Some(light_sample) = aperture.look(self.scene, self.point, self.light, aimed, counters) {
                 see(light_sample, aperture);
             }
         }
@@ -167,19 +169,30 @@ impl<'a> LightView<'a> {
             .find(holds)
             .map_or(0.0, |patch| patch.density(self.stride, &self.apertures[patch.aperture], place))
     }
+}
 
-    fn look(
+/// Where a ray goes through a pane's near plane, and the expected number of such rays for each unit of solid angle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AimedRay {
+    pub(super) place: DVec2,
+    pub(super) density: f64,
+}
+
+impl PaneAperture<'_> {
+    /// The light that a ray from the shading point meets behind the pane.
+    pub(super) fn look(
         &self,
-        aperture: &PaneAperture<'a>,
-        place: DVec2,
-        density: f64,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        AimedRay { place, density }: AimedRay,
         counters: &mut Counters,
     ) -> Option<LightSample> {
-        let PaneAperture { pane, side, origin } = aperture;
+        let Self { pane, side, origin } = self;
         let frame = &side.pane.frame;
         let ray = Ray::new(*origin, (place.extend(side.near_base()) - *origin).normalize());
         let direction = frame.vector_to_world(ray.direction);
-        if direction.dot(self.point.normal) <= 0.0 {
+        if direction.dot(point.normal) <= 0.0 {
             return None;
         }
         let through = side.transmit(&ray, counters)?;
@@ -187,14 +200,14 @@ impl<'a> LightView<'a> {
             return None;
         }
         let exit = Ray::new(frame.point_to_world(through.exit), frame.vector_to_world(through.direction));
-        let hit = self.scene.lights()[self.light as usize].intersect(&exit)?;
+        let hit = scene.lights()[light as usize].intersect(&exit)?;
         if hit.radiance == DVec3::ZERO {
             return None;
         }
         let entry = frame.point_to_world(through.entry);
         let ray_origin = SurfaceId::Pane { index: *pane, face: side.far };
-        if self.scene.blocked_through_pane(self.point, entry, *pane, side.near, &exit.origin, counters)
-            || self.scene.blocked(&exit, hit.distance, ray_origin, None, Some(self.light), counters)
+        if scene.blocked_through_pane(point, entry, *pane, side.near, &exit.origin, counters)
+            || scene.blocked(&exit, hit.distance, ray_origin, None, Some(light), counters)
         {
             return None;
         }
@@ -248,12 +261,15 @@ fn solid_angle(side: &PaneSide<'_>, origin: DVec3, place: DVec2) -> f64 {
     offset.z.abs() / (distance_squared * distance_squared.sqrt())
 }
 
-/// Bounds on a whole light, in a pane's frame.
-pub(super) fn light_bounds(light: &Light, frame: &Frame) -> SourceBounds {
+/// Bounds on a whole light, in a pane's frame; `None` for one that is all around.
+pub(super) fn light_bounds(light: &Light, frame: &Frame) -> Option<SourceBounds> {
     match light.bounds() {
-        LightBounds::Ball { centre, radius } => SourceBounds::Ball { centre: frame.point_to_local(centre), radius },
-        LightBounds::Cap { direction, sin_radius } => {
-            SourceBounds::Cap { direction: frame.vector_to_local(direction), sin_radius }
+        LightBounds::Ball { centre, radius } => {
+            Some(SourceBounds::Ball { centre: frame.point_to_local(centre), radius })
         }
+        LightBounds::Cap { direction, sin_radius } => {
+            Some(SourceBounds::Cap { direction: frame.vector_to_local(direction), sin_radius })
+        }
+        LightBounds::Everywhere => None,
     }
 }

@@ -256,11 +256,13 @@ impl SolvedChain {
     ) -> Option<Arrival> {
         let direction = self.segments.directions[0];
         let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(self.segments.last()));
-        if direction.dot(point.normal) <= 0.0 || light_cosine <= 0.0 || self.is_blocked(scene, point, light, counters) {
+        let falloff = scene.lights()[light as usize].falloff(self.segments.last());
+        let is_lit = light_cosine.min(falloff) > 0.0 && direction.dot(point.normal) > 0.0;
+        if !is_lit || self.is_blocked(scene, point, light, counters) {
             return None;
         }
         counters.unique_solutions += 1;
-        let weight = sample.weight * self.chain.throughput * (self.factor.abs() * light_cosine);
+        let weight = sample.weight * self.chain.throughput * (self.factor.abs() * light_cosine * falloff);
         Some(Arrival { direction, weight })
     }
 

@@ -43,6 +43,11 @@ impl LightGroup {
     pub(super) fn all(&self) -> String {
         format!("light of {} that comes through or off a pane or a specular mesh to a surface", self.name)
     }
+
+    /// Their light by way of thin walls, which no method searches.
+    pub(crate) fn over_thin_walls(&self) -> PathClass {
+        PathClass::new(format!("light of {} that comes through or off a thin wall to a surface", self.name), ANY)
+    }
 }
 
 /// What a scene has that decides which light is missing.
@@ -115,6 +120,14 @@ pub(super) fn cut_off(max_trials: u32) -> String {
 pub(super) fn over_other(of: &str, chains: &[String]) -> PathClass {
     let text = format!("light of {of} over other specular vertices than {} (chains)", chains.join(", "));
     PathClass::new(text, other_than(chains))
+}
+
+/// Light of an environment that is left to chance. `finds` says whether a method looks for what comes through one pane.
+pub(crate) fn unowned_of_environment(lights: &LightGroup, contents: Contents, finds: bool) -> Vec<PathClass> {
+    if finds {
+        return unowned_by_panes(&lights.name, contents, PaneSelection::All, false);
+    }
+    vec![PathClass::new(lights.all(), ANY)]
 }
 
 /// Light that a method leaves out which looks for light through one pane.

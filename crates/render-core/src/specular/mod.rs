@@ -4,8 +4,9 @@
 //! The path tracer asks [`SpecularMethod::sample_li`]: which light arrives at this point, from this light, over
 //! specular surfaces? [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths
 //! that do. Both look for them in the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and
-//! over specular meshes, and [`conic`] finds all over one mesh. [`auto`] chooses among them. Which paths a method owns,
-//! and the path tracer therefore leaves to it, is a function of the path ([`coverage`]).
+//! over specular meshes, and [`conic`] finds all over one mesh. [`auto`] chooses among them. The light of an
+//! environment is found in one way beside all methods (`environment`). Which paths a method owns, and the path tracer
+//! therefore leaves to it, is a function of the path ([`coverage`]).
 
 pub mod auto;
 mod block_tridiagonal;
@@ -19,6 +20,7 @@ pub mod coverage;
 mod deflection;
 mod direction_bounds;
 pub mod enumeration;
+pub(crate) mod environment;
 pub mod fermat;
 pub mod fnee;
 mod light_view;

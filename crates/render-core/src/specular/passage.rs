@@ -71,7 +71,8 @@ impl<'a> Passage<'a> {
         }
         let last = frame.vector_to_world(root.path.directions[2]);
         let light_cosine = self.sample.normal.map_or(1.0, |normal| -normal.dot(last));
-        if light_cosine <= 0.0 {
+        let falloff = self.scene.lights()[self.light as usize].falloff(last);
+        if light_cosine.min(falloff) <= 0.0 {
             return None;
         }
         let through = transmission(&self.side, self.connection.origin, root, counters)?;
@@ -86,7 +87,7 @@ impl<'a> Passage<'a> {
         }
         counters.unique_solutions += 1;
         let factor = root.path.geometry_factor(root.determinant) * light_cosine;
-        let weight = self.sample.weight * through.transmittance * factor;
+        let weight = self.sample.weight * through.transmittance * (factor * falloff);
         Some(Found { arrival: Arrival { direction, weight }, factor })
     }
 }

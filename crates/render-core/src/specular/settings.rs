@@ -30,6 +30,12 @@ pub trait MethodSettings {
     /// The paths from a group of lights that the method does not look for.
     fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass>;
 
+    /// Whether light of an environment that comes through one pane is looked for. All that an environment sends over
+    /// other specular surfaces is left to chance.
+    fn finds_environment(&self) -> bool {
+        true
+    }
+
     /// Where it chooses among methods: what it chooses, in words.
     fn chosen(&self, _: &Scene) -> Vec<String> {
         Vec::new()

@@ -136,9 +136,18 @@ impl<'a> Window<'a> {
     }
 }
 
-/// The ends of the path as seen from the pane, and everything between the shading point's view of the outline and the
-/// plane of the near face.
-fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(Ends, Rect)> {
+/// A pane's outline, as a shading point sees it.
+pub(super) struct SeenOutline {
+    /// What it covers of the plane of the undisplaced near face, whatever the height of the relief.
+    pub(super) rect: Rect,
+    /// Height of that plane above the shading point, towards the light.
+    pub(super) near: f64,
+    /// Heights of the face above that plane.
+    heights: Interval,
+}
+
+/// The outline as the point `origin` of the pane's frame sees it; `None` where the face is not in front.
+pub(super) fn seen_outline(side: &PaneSide<'_>, origin: DVec3) -> Option<SeenOutline> {
     let sign = side.sign;
     let near = side.near_base() * sign - origin.z * sign;
     let heights = mirrored(side.near_surface().all_bounds(), sign).height;
@@ -152,6 +161,15 @@ fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(En
         |min: f64, max: f64, centre: f64| scale * Interval::new(min - centre, max - centre) + Interval::point(centre);
     let x = seen(outline.min.x, outline.max.x, origin.x);
     let y = seen(outline.min.y, outline.max.y, origin.y);
+    let rect = Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max));
+    Some(SeenOutline { rect, near, heights })
+}
+
+/// The ends of the path as seen from the pane, and everything between the shading point's view of the outline and the
+/// plane of the near face.
+fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(Ends, Rect)> {
+    let sign = side.sign;
+    let SeenOutline { rect, near, heights } = seen_outline(side, origin)?;
     let source = match *source {
         SourceBounds::Ball { centre, radius } => {
             let offset = centre - origin;
@@ -170,8 +188,7 @@ fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(En
             MirroredSource::Direction([x, y])
         }
     };
-    let seen = Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max));
-    Some((Ends { origin: origin.truncate(), near, source }, seen))
+    Some((Ends { origin: origin.truncate(), near, source }, rect))
 }
 
 #[cfg(test)]

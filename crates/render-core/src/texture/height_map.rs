@@ -1,6 +1,6 @@
 //! Height maps: measured profiles from EXR and 16-bit PNG files.
 
-use super::picture::{Picture, PngPicture, decode_picture};
+use super::picture::{CodedPicture, Picture, decode_picture};
 use crate::settings::AssetProblem;
 
 /// Spline coefficients of a face, in metres.
@@ -37,11 +37,11 @@ impl HeightMap {
                 };
                 Ok(Self { columns: picture.width, rows: picture.height, values: values.to_vec(), divisor: 1.0 })
             }
-            Picture::Png(PngPicture { image, .. }) => {
+            Picture::Coded(CodedPicture { image, .. }) => {
                 let Some(grey) = image.as_luma16() else {
                     let found = image.color();
                     return Err(AssetProblem::malformed(format_args!(
-                        "is a PNG file of the kind {found:?}, must be 16-bit grey"
+                        "is a picture of the kind {found:?}, must be 16-bit grey in a PNG file"
                     )));
                 };
                 let values = grey.as_raw().iter().map(|&value| f32::from(value)).collect();
@@ -98,7 +98,7 @@ mod tests {
         let message = |bytes: &[u8]| HeightMap::decode(bytes).unwrap_err().to_string();
         let coarse = encode_png(DynamicImage::new_luma8(2, 2));
         assert!(message(&coarse).contains("must be 16-bit grey"), "{}", message(&coarse));
-        assert!(message(b"P6 2 2 255").contains("neither a PNG nor an OpenEXR file"));
+        assert!(message(b"P6 2 2 255").contains("no PNG, JPEG, WebP or OpenEXR file"));
         assert!(message(&encode_exr(1, 1, &[("Z", &[0.0])])).contains("must have a channel Y or R"));
     }
 

@@ -1,16 +1,27 @@
-//! Values over surfaces: pictures, read from files, and colours.
+//! Values over surfaces: pictures, read from files, colours and numbers.
 
 mod bitmap;
 mod colour;
+mod encoding;
 pub(crate) mod height_map;
+mod mapped;
 pub(crate) mod picture;
 #[cfg(test)]
 pub(crate) mod picture_samples;
 pub(crate) mod picture_size;
 mod png_colour;
 mod png_metadata;
+mod radiance_file;
+pub(crate) mod radiance_picture;
+mod value;
+mod wrap;
 
 pub use bitmap::Bitmap;
-pub use colour::{Bitmaps, ColourDescription};
+pub use colour::ColourDescription;
+pub use encoding::Encoding;
+pub use mapped::{Bitmaps, PictureKey, TextureCoordinates, TextureDescription, TextureTransform, TextureUse};
+pub use value::{Channel, ValueDescription, ValueTexture};
+pub use wrap::{Filter, Wrap};
 
 pub(crate) use colour::Colour;
+pub(crate) use value::Value;

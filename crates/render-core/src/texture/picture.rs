@@ -1,11 +1,13 @@
-//! Pictures from PNG and OpenEXR files. Sizes are bounded by the header before a pixel is decoded. An EXR file of a few
-//! bytes may claim any size, and its decoder allocates the memory first.
+//! Pictures from PNG, JPEG, WebP and OpenEXR files. Sizes are bounded by the header before a pixel is decoded. An EXR
+//! file of a few bytes may claim any size, and its decoder allocates the memory first.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
+use image::codecs::jpeg::JpegDecoder;
 use image::codecs::png::PngDecoder;
-use image::{DynamicImage, ImageDecoder, Limits};
+use image::codecs::webp::WebPDecoder;
+use image::{DynamicImage, ImageDecoder, ImageError, Limits};
 
 use super::png_metadata::profile;
 use crate::settings::AssetProblem;
@@ -13,19 +15,19 @@ use crate::settings::limits::{MAX_IMAGE_EDGE, MAX_PICTURE_BYTES};
 use clerestory_film::file_format::FileFormat;
 use clerestory_film::openexr::{ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
 
-/// The channels of EXR files that mean something here: colours, or one value.
-const CHANNELS: [&str; 4] = ["R", "G", "B", "Y"];
+/// The channels of EXR files that mean something here: colours, or one value, and opacity.
+const CHANNELS: [&str; 5] = ["R", "G", "B", "Y", "A"];
 
 /// A decoded picture; its first row is the top.
 pub(crate) enum Picture {
-    /// From a PNG file.
-    Png(PngPicture),
+    /// From a file of 8 or 16 bits.
+    Coded(CodedPicture),
     /// From an EXR file.
     Exr(ExrPicture),
 }
 
-/// The pixels of a PNG file.
-pub(crate) struct PngPicture {
+/// The pixels of a PNG, JPEG or WebP file.
+pub(crate) struct CodedPicture {
     pub(crate) image: DynamicImage,
     /// Its colour profile.
     pub(crate) profile: Option<Vec<u8>>,
@@ -49,6 +51,30 @@ impl ExrPicture {
         self.channels.get(name).map(Vec::as_slice)
     }
 
+    /// The colours of all pixels, row by row from the top, or the same grey in all three channels.
+    ///
+    /// # Errors
+    ///
+    /// When there are no such channels, or the colours are not those of Rec. 709.
+    pub(crate) fn colours(&self) -> Result<Vec<[f32; 3]>, AssetProblem> {
+        self.channels(true)
+    }
+
+    /// The same, of colours or of other numbers.
+    pub(crate) fn channels(&self, are_colours: bool) -> Result<Vec<[f32; 3]>, AssetProblem> {
+        let is_colour = ["R", "G", "B"].map(|name| self.has(name)) != [false; 3];
+        // Y beside these is a part of a colour.
+        let is_grey = !is_colour && !["X", "Z", "RY", "BY"].into_iter().any(|name| self.has(name));
+        let channel = |name: &str| self.channel(if is_grey { "Y" } else { name });
+        let (Some(red), Some(green), Some(blue)) = (channel("R"), channel("G"), channel("B")) else {
+            return Err(self.other_channels("the channels R, G and B, or Y"));
+        };
+        if is_colour && are_colours {
+            self.check_primaries()?;
+        }
+        Ok(red.iter().zip(green).zip(blue).map(|((&red, &green), &blue)| [red, green, blue]).collect())
+    }
+
     /// Whether the file has a channel, of any meaning.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.header.has(name)
@@ -67,40 +93,81 @@ impl ExrPicture {
     }
 }
 
-/// Decodes a PNG or EXR file; its first bytes tell which.
-pub(crate) fn decode_picture(bytes: &[u8]) -> Result<Picture, AssetProblem> {
-    match bytes {
-        [0x89, b'P', b'N', b'G', ..] => decode_png(bytes).map(Picture::Png),
-        [0x76, 0x2f, 0x31, 0x01, ..] => decode_exr(bytes).map(Picture::Exr),
-        _ => {
-            let instead =
-                FileFormat::of(bytes).map_or_else(String::new, |format| format!(": {}", format.instead_of_picture()));
-            Err(AssetProblem::malformed(format_args!("is neither a PNG nor an OpenEXR file{instead}")))
+/// The formats of pictures, by how their files begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PictureFormat {
+    Png,
+    Jpeg,
+    WebP,
+    Exr,
+}
+
+impl PictureFormat {
+    pub(super) fn of(bytes: &[u8]) -> Option<Self> {
+        match bytes {
+            [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
+            [0xff, 0xd8, 0xff, ..] => Some(Self::Jpeg),
+            [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some(Self::WebP),
+            [0x76, 0x2f, 0x31, 0x01, ..] => Some(Self::Exr),
+            _ => None,
         }
     }
 }
 
-fn decode_png(bytes: &[u8]) -> Result<PngPicture, AssetProblem> {
+/// Decodes a picture; its first bytes tell the format.
+pub(crate) fn decode_picture(bytes: &[u8]) -> Result<Picture, AssetProblem> {
+    match PictureFormat::of(bytes) {
+        Some(PictureFormat::Png) => decode_png(bytes).map(Picture::Coded),
+        Some(PictureFormat::Jpeg) => {
+            let malformed = |error| AssetProblem::malformed(format_args!("is not a readable JPEG file: {error}"));
+            let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(malformed)?;
+            decode_coded(decoder, malformed).map(Picture::Coded)
+        }
+        Some(PictureFormat::WebP) => {
+            let malformed = |error| AssetProblem::malformed(format_args!("is not a readable WebP file: {error}"));
+            let decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(malformed)?;
+            decode_coded(decoder, malformed).map(Picture::Coded)
+        }
+        Some(PictureFormat::Exr) => decode_exr(bytes).map(Picture::Exr),
+        None => {
+            let instead =
+                FileFormat::of(bytes).map_or_else(String::new, |format| format!(": {}", format.instead_of_picture()));
+            Err(AssetProblem::malformed(format_args!("is no PNG, JPEG, WebP or OpenEXR file{instead}")))
+        }
+    }
+}
+
+fn decode_png(bytes: &[u8]) -> Result<CodedPicture, AssetProblem> {
     let malformed = |error| AssetProblem::malformed(format_args!("is not a readable PNG file: {error}"));
     let profile = profile(bytes)?;
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(MAX_PICTURE_BYTES);
     let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(malformed)?;
+    let CodedPicture { image, .. } = decode_coded(decoder, malformed)?;
+    Ok(CodedPicture { image, profile })
+}
+
+/// Decodes a file of which the header is read.
+fn decode_coded(
+    mut decoder: impl ImageDecoder,
+    malformed: impl Fn(ImageError) -> AssetProblem,
+) -> Result<CodedPicture, AssetProblem> {
     let (width, height) = decoder.dimensions();
     check_size([u64::from(width), u64::from(height)])?;
     if decoder.total_bytes() > MAX_PICTURE_BYTES {
         let [found, limit] = [decoder.total_bytes(), MAX_PICTURE_BYTES].map(|bytes| format!("{bytes} bytes of pixels"));
         return Err(AssetProblem::TooLarge { found, limit });
     }
+    let profile = decoder.icc_profile().map_err(&malformed)?;
     let image = DynamicImage::from_decoder(decoder).map_err(malformed)?;
-    Ok(PngPicture { image, profile })
+    Ok(CodedPicture { image, profile })
 }
 
 fn malformed_exr(error: OpenExrError) -> AssetProblem {
     AssetProblem::malformed(format_args!("is not a readable OpenEXR file: {error}"))
 }
 
-fn decode_exr(bytes: &[u8]) -> Result<ExrPicture, AssetProblem> {
+pub(super) fn decode_exr(bytes: &[u8]) -> Result<ExrPicture, AssetProblem> {
     let file = OpenExr::open(bytes).map_err(malformed_exr)?;
     let parts = file.parts().len();
     let Some(header) = file.parts().first().cloned() else {

@@ -1,7 +1,12 @@
 //! The size of a picture, from the header of its file.
 
-use super::picture::check_size;
+use std::io::Cursor;
+
+use image::ImageReader;
+
+use super::picture::{PictureFormat, check_size};
 use super::png_metadata::{Chunks, metadata_bytes, number};
+use super::radiance_file::{RadianceHeader, is_radiance};
 use crate::settings::AssetProblem;
 use clerestory_film::openexr::OpenExr;
 
@@ -14,21 +19,37 @@ pub(crate) struct PictureSize {
     pub(crate) decoded_bytes: u64,
 }
 
-/// Bytes of a pixel of an EXR file while it is decoded: four channels, and those of a file of 16 bits twice.
-const EXR_PIXEL: u64 = 4 * 4 + 4;
+/// Bytes of a pixel of an EXR file while it is decoded: five channels, and those of a file of 16 bits twice.
+const EXR_PIXEL: u64 = 5 * 4 + 4;
 
-/// Reads the header of a PNG or EXR file. A picture that is too large for any scene is an error, as when it is decoded.
+/// Bytes of a pixel of a JPEG or WebP file while it is decoded: what it decodes to, and coefficients of a progressive
+/// file for three channels.
+const CODED_PIXEL: u64 = 4 + 3 * 2 + 4;
+
+/// Reads the header of a picture. One that is too large for any scene is an error, as when it is decoded.
 pub(crate) fn picture_size(bytes: &[u8]) -> Result<PictureSize, AssetProblem> {
-    match bytes {
-        [0x89, b'P', b'N', b'G', ..] => png_size(bytes),
-        [0x76, 0x2f, 0x31, 0x01, ..] => {
+    match PictureFormat::of(bytes) {
+        Some(PictureFormat::Png) => png_size(bytes),
+        Some(PictureFormat::Jpeg | PictureFormat::WebP) => {
+            let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(AssetProblem::malformed)?;
+            let (width, height) = reader.into_dimensions().map_err(AssetProblem::malformed)?;
+            check_size([width, height].map(u64::from))?;
+            let pixels = u64::from(width) * u64::from(height);
+            Ok(PictureSize { pixels, decoded_bytes: pixels * CODED_PIXEL + bytes.len() as u64 })
+        }
+        Some(PictureFormat::Exr) => {
             let file = OpenExr::open(bytes).map_err(AssetProblem::malformed)?;
             let [width, height] = file.parts().first().map_or([0; 2], |part| part.size);
             check_size([width, height])?;
             let pixels = width * height;
             Ok(PictureSize { pixels, decoded_bytes: pixels.saturating_mul(EXR_PIXEL) })
         }
-        _ => Err(AssetProblem::malformed("is neither a PNG nor an OpenEXR file")),
+        None if is_radiance(bytes) => {
+            let [width, height] = RadianceHeader::read(bytes)?.size;
+            // Its texels are kept as they are decoded.
+            Ok(PictureSize { pixels: width * height, decoded_bytes: 0 })
+        }
+        None => Err(AssetProblem::malformed("is no PNG, JPEG, WebP or OpenEXR file")),
     }
 }
 

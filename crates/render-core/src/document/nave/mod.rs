@@ -92,6 +92,7 @@ pub fn nave(panes: PaneCount) -> SceneDescription {
         sampling: SamplingDescription::default(),
         materials: materials(),
         meshes,
+        imports: Vec::new(),
         panes: glazing::panes(cuts),
         lights: vec![LightDescription::Sun(SunLight {
             name: "sun".to_owned(),

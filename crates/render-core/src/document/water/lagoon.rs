@@ -51,6 +51,7 @@ pub fn lagoon(settings: &WaterSettings) -> SceneDescription {
         sampling: SamplingDescription::default(),
         materials: BTreeMap::from([diffuse("sand", [0.7, 0.62, 0.46]), diffuse("stone", [0.4, 0.38, 0.35]), water()]),
         meshes: vec![surface(waves, DEPTH), sand(), stones.into_mesh("stones", "stone")],
+        imports: Vec::new(),
         panes: Vec::new(),
         lights: vec![sun([-0.4, 0.3, 1.0])],
     }
@@ -61,6 +62,7 @@ fn sand() -> MeshDescription {
     MeshDescription {
         name: "sand".to_owned(),
         material: "sand".to_owned(),
+        matrix: None,
         source: MeshSource::Waves(WaveDescription {
             size: [EDGE; 2],
             cells: [SAND_CELLS; 2],

@@ -92,6 +92,7 @@ fn surface(waves: WaveDescription, level: f64) -> MeshDescription {
     MeshDescription {
         name: "water".to_owned(),
         material: "water".to_owned(),
+        matrix: None,
         source: MeshSource::Waves(waves),
         scale: 1.0,
         rotate: [0.0; 3],

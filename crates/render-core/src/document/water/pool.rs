@@ -58,6 +58,7 @@ pub fn pool(settings: &WaterSettings) -> SceneDescription {
             coping().into_mesh("coping", "coping"),
             balls().into_mesh("balls", "rubber"),
         ],
+        imports: Vec::new(),
         panes: Vec::new(),
         lights: vec![sun([0.35, -0.45, 1.0])],
     }

@@ -1,4 +1,4 @@
-//! Light through panes, against what Fresnel's equations say of it.
+//! Light through panes, against what Fresnel's equations say of it; and light that several methods must find alike.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
@@ -91,4 +91,137 @@ fn a_lamp_that_lies_on_the_ceiling_shines_as_one_just_below_it_does() {
     };
     let ((on, _), (below, _)) = (mean(&room(0.0)), mean(&room(1e-6)));
     assert!(below > 0.02 && (on / below - 1.0).abs() < 1e-3, "{on} on the ceiling, {below} below it");
+}
+
+/// Two quads that meet at a right angle, and a box before them: all white.
+fn white_things(lights: &Value) -> Value {
+    let corners: Vec<[f64; 3]> =
+        (0..8).map(|bits| [0, 1, 2].map(|axis| if bits >> axis & 1 == 0 { 0.3 } else { 0.7 })).collect();
+    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles: Vec<[u32; 3]> = sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    let walls = json!({"inline": {
+        "positions": [[0, -2, 0], [2, -2, 0], [2, 2, 0], [0, 2, 0], [0, -2, 2], [0, 2, 2]],
+        "triangles": [[0, 1, 2], [0, 2, 3], [0, 3, 5], [0, 5, 4]]
+    }});
+    let mesh = |name: &str, source: Value| json!({"name": name, "material": "white", "source": source});
+    json!({
+        "version": 1, "name": "furnace", "film": {"width": EDGE, "height": EDGE},
+        "camera": {"perspective": {
+            "position": [3, -1, 2], "look_at": [0.5, 0.2, 0.4], "up": [0, 0, 1], "vertical_field_of_view": 50
+        }},
+        "integrator": {"path": {"max_depth": 1000}},
+        "sampling": {"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES},
+        "materials": {"white": {"diffuse": {"reflectance": {"colour": [1, 1, 1]}}}},
+        "meshes": [
+            mesh("walls", walls), mesh("box", json!({"inline": {"positions": corners, "triangles": triangles}}))],
+        "lights": lights
+    })
+}
+
+#[test]
+fn white_things_in_a_white_environment_cannot_be_seen() {
+    let sky = json!([{"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}}]);
+    let (mean, error) = mean(&white_things(&sky));
+    assert!(error < 0.002 && (mean - 1.0).abs() < 4.0 * error, "{mean} +- {error}");
+}
+
+#[test]
+fn an_environment_beside_many_lights_is_the_sum_of_both() {
+    let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [0.25, 1, 1]}, "scale": 2}});
+    let sun = json!({"sun": {"name": "sun", "direction": [1, 0, 1], "angular_radius": 20, "radiance": [3, 3, 3]}});
+    let lamp = |number: u32| {
+        json!({"point": {
+            "name": format!("lamp {number}"), "position": [1, -1.5 + 0.7 * f64::from(number), 1.5],
+            "intensity": [0.2, 1, 1]}})
+    };
+    let lamps: Vec<Value> = (0..4).map(lamp).collect();
+    let of = |lights: &[Value]| mean(&white_things(&json!(lights)));
+    let all = of(&[&lamps[..], &[sky.clone(), sun.clone()]].concat());
+    let parts = [of(&lamps), of(&[sky]), of(&[sun])];
+    let sum: f64 = parts.iter().map(|(mean, _)| mean).sum();
+    assert!((all.0 / sum - 1.0).abs() < 0.02, "{} not {sum}", all.0);
+}
+
+/// A square in a plane of constant z.
+fn square(half: f64, z: f64) -> Value {
+    json!({"inline": {
+        "positions": [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]],
+        "triangles": [[0, 1, 2], [0, 2, 3]]
+    }})
+}
+
+/// A floor of a material under a lamp, with other things between them, seen at an angle.
+fn floor_under_lamp(floor: &Value, meshes: &[Value], panes: &Value, integrator: &Value) -> Value {
+    let mut all = vec![json!({"name": "floor", "material": "floor", "source": square(0.5, 0.0)})];
+    all.extend_from_slice(meshes);
+    json!({
+        "version": 1, "name": "floor", "film": {"width": EDGE, "height": EDGE},
+        "camera": {"orthographic": {
+            "position": [-0.5, 0, 0.4], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 0.2}},
+        "integrator": integrator,
+        "sampling": {"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES},
+        "materials": {
+            "floor": floor, "wall": {"thin_wall": {"index_of_refraction": 1}},
+            "water": {"dielectric": {"index_of_refraction": 1.33}}
+        },
+        "meshes": all,
+        "panes": panes,
+        "lights": [{"sphere": {"name": "lamp", "centre": [0.6, 0, 2], "radius": 0.6, "radiance": [1, 1, 1]}}]
+    })
+}
+
+fn pane(z: f64, edge: f64) -> Value {
+    json!({
+        "name": "pane", "centre": [0.3, 0, z], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+        "width": edge, "height": edge, "thickness": 0.003
+    })
+}
+
+/// Methods that look for light over several things, and that which looks for none.
+fn methods() -> Vec<Value> {
+    let chains = json!(["T", "TT", "TTT"]);
+    vec![
+        json!({"path": {"max_depth": 6}}),
+        json!({"cone": {"max_depth": 6}}),
+        json!({"fnee": {"max_depth": 6}}),
+        json!({"sms": {"max_depth": 6, "chains": chains}}),
+        json!({"mnee": {"max_depth": 6, "chains": chains}}),
+        json!({"auto": {"max_depth": 6}}),
+    ]
+}
+
+#[test]
+fn light_through_a_thin_wall_is_found_once_by_every_method() {
+    let plaster = json!({"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}});
+    // Below the wall, light of the methods goes through a pane and through water.
+    let water = json!({"name": "water", "material": "water", "source": square(0.1, 0.9), "translate": [0, 0.2, 0]});
+    let wall = json!({"name": "wall", "material": "wall", "source": square(3.0, 1.2)});
+    let panes = json!([pane(0.6, 0.4)]);
+    let path = json!({"path": {"max_depth": 6}});
+    let (open, open_error) = mean(&floor_under_lamp(&plaster, std::slice::from_ref(&water), &panes, &path));
+    for method in methods() {
+        let (found, error) = mean(&floor_under_lamp(&plaster, &[water.clone(), wall.clone()], &panes, &method));
+        let errors = (found - open).abs() / libm::hypot(error, open_error);
+        assert!(errors < 4.0 && error < 0.04 * found, "{method}: {found} +- {error}, not {open} +- {open_error}");
+    }
+}
+
+#[test]
+fn every_method_finds_the_same_light_on_rough_surfaces() {
+    let floors = [
+        json!({"metallic_roughness": {"metallic": 0.3, "roughness": 0.5}}),
+        json!({"conductor": {"reflectance": {"colour": [0.9, 0.8, 0.7]}, "roughness": 0.6}}),
+        json!({"rough_dielectric": {"roughness": 0.5}}),
+    ];
+    let panes = json!([pane(0.6, 1.5)]);
+    for floor in floors {
+        let path = json!({"path": {"max_depth": 6}});
+        let (expected, expected_error) = mean(&floor_under_lamp(&floor, &[], &panes, &path));
+        for method in [json!({"cone": {"max_depth": 6}}), json!({"sms": {"max_depth": 6}})] {
+            let (found, error) = mean(&floor_under_lamp(&floor, &[], &panes, &method));
+            let errors = (found - expected).abs() / libm::hypot(error, expected_error);
+            assert!(errors < 4.0, "{floor}, {method}: {found} +- {error}, not {expected} +- {expected_error}");
+            assert!(expected > 0.001 && error < 0.04 * found, "{floor}, {method}: {found} +- {error}");
+        }
+    }
 }

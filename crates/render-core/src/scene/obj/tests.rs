@@ -1,5 +1,7 @@
 //! What exporters write into OBJ files, and what is refused.
 
+use glam::{DVec2, DVec3};
+
 use super::*;
 
 fn decode(text: impl AsRef<[u8]>) -> Result<TriangleMesh, AssetProblem> {
@@ -177,4 +179,90 @@ fn errors_name_the_line_the_text_and_what_would_be_right() {
     assert!(decode(utf_16).unwrap_err().to_string().contains("UTF-16 text; save it as ASCII or UTF-8"));
     let long = format!("v 0 {} 0\n", "1".repeat(10_000));
     assert!(decode(long).unwrap_err().to_string().len() < 400);
+}
+
+/// Names, materials and triangles of the parts of a file, whose counts and triangles are checked.
+fn parts(text: impl AsRef<[u8]>) -> Vec<(String, Option<String>, usize)> {
+    let file = ObjFile::open(text.as_ref()).unwrap();
+    let parts = file.parts().unwrap();
+    let meshes = file.decode_parts().unwrap();
+    assert_eq!(meshes.len(), parts.len());
+    assert_eq!(parts.iter().map(|part| part.triangles).sum::<usize>(), file.triangles());
+    for (number, (part, mesh)) in parts.iter().zip(&meshes).enumerate() {
+        assert_eq!(mesh.triangles.len(), part.triangles, "the count before decoding");
+        assert!(mesh.positions.len() <= part.vertices, "the count before decoding");
+        assert_eq!(&file.decode_part(number).unwrap(), mesh, "alone and among others");
+    }
+    let whole = file.decode().unwrap();
+    let corners = |mesh: &TriangleMesh| {
+        let corner = |vertex: u32| mesh.positions[vertex as usize].to_array().map(f64::to_bits);
+        mesh.triangles.iter().map(|triangle| triangle.map(corner)).collect::<Vec<_>>()
+    };
+    let [mut together, mut sorted] = [corners(&whole), meshes.iter().flat_map(corners).collect()];
+    together.sort_unstable();
+    sorted.sort_unstable();
+    assert_eq!(together, sorted, "the same triangles");
+    parts.into_iter().map(|ObjPart { name, material, triangles, .. }| (name, material, triangles)).collect()
+}
+
+fn part(name: &str, material: &str, triangles: usize) -> (String, Option<String>, usize) {
+    (name.to_owned(), (!material.is_empty()).then(|| material.to_owned()), triangles)
+}
+
+#[test]
+fn parts_are_faces_of_one_name_and_one_material_in_order_of_appearance() {
+    let text = format!(
+        "{SQUARE}f 1 2 3\no frame\nf 1 2 3 4\nusemtl wood\nf 1 2 3\ng pane\nf 1 3 4\nusemtl stained glass\n\
+         f 1 2 3 4\nusemtl wood\nf 2 3 4\nf 2 3\ng\nf 1 2 4\no sill\nf 1 2 3\no empty\n"
+    );
+    let expected = [
+        part("", "", 1),
+        part("frame", "", 2),
+        part("frame", "wood", 2),
+        part("pane", "wood", 2),
+        part("pane", "stained glass", 2),
+        part("sill", "wood", 1),
+    ];
+    assert_eq!(parts(&text), expected);
+    assert!(parts("v 0 0 0\nf 1 1\n").is_empty());
+    let file = ObjFile::open(text.as_bytes()).unwrap();
+    assert!(file.decode_part(6).unwrap_err().to_string().contains("has 6 parts of triangles"));
+}
+
+#[test]
+fn a_part_has_texture_coordinates_where_all_of_its_corners_have() {
+    let text = format!("{SQUARE}vt 0 1\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3\nusemtl a\nf 1/1 3/1 4/1\n");
+    assert_eq!(parts(&text), [part("", "a", 2), part("", "b", 1)]);
+    let meshes = ObjFile::open(text.as_bytes()).unwrap().decode_parts().unwrap();
+    assert_eq!(meshes[0].texture_coordinates, [DVec2::Y; 6]);
+    assert!(meshes[1].texture_coordinates.is_empty());
+    assert_eq!(meshes[0].triangles, [[0, 1, 2], [3, 4, 5]]);
+}
+
+#[test]
+fn names_of_parts_are_kept_as_written() {
+    let latin_1 = [SQUARE.as_bytes(), b"o Material #25 \\\r\nusemtl gr\xfcn\r\nf 1 2 3\r\n"].concat();
+    assert_eq!(parts(latin_1), [part("Material #25 \\", "gr\u{fc}n", 1)]);
+}
+
+#[test]
+fn material_libraries_are_files_beside_it() {
+    let libraries = |text: &str| ObjFile::open(text.as_bytes()).unwrap().material_libraries();
+    let text = "mtllib wood.mtl Lead.MTL\nmtllib old glass.mtl\nmtllib .\\wood.mtl\nmtllib C:\\a\\b.mtl\nf 1 1 1\n";
+    assert_eq!(libraries(text).unwrap(), ["wood.mtl", "Lead.MTL", "old glass.mtl", "b.mtl"]);
+    assert!(libraries(SQUARE).unwrap().is_empty());
+    let error = libraries("v 0 0 0\nmtllib ..\n").unwrap_err().to_string();
+    assert!(error.contains("line 2, \"mtllib ..\": must name a file beside this one"), "{error}");
+}
+
+#[test]
+fn materials_of_parts_are_found_in_their_library() {
+    let library = MtlFile::read(b"newmtl Glass\nNi 1.52\nmap_d leaves.png\nnewmtl Frame\nKd 0.9 0.9 0.9\n").unwrap();
+    let text = format!("mtllib window.mtl\n{SQUARE}o panes\nusemtl Glass\nf 1 2 3\nusemtl Frame\nf 1 3 4\n");
+    let parts = ObjFile::open(text.as_bytes()).unwrap().parts().unwrap();
+    let materials: Vec<&MtlMaterial> =
+        parts.iter().map(|part| library.material(part.material.as_deref().unwrap()).unwrap()).collect();
+    let map: Option<&MtlMap> = materials[0].opacity_map.as_ref();
+    assert_eq!(map.unwrap().file, "leaves.png");
+    assert_eq!((materials[0].ior, materials[1].diffuse), (Some(1.52), Some([0.9; 3])));
 }

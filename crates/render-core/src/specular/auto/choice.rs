@@ -3,7 +3,8 @@
 //! Rays towards a light are best until it is tiny, and a search takes over there; a point can only be searched for. One
 //! vertex on a mesh is found without noise, whatever the light is. Manifold walks search bodies of glass. They also
 //! search several things in a row, for lights that chance seldom meets. Each walk begins on one thing: so where there
-//! are many things, light over several is left to chance (docs/decisions/0037-auto.md).
+//! are many things, light over several is left to chance (docs/decisions/0037-auto.md). Of the light of an environment,
+//! only that through one pane is looked for.
 
 use glam::DVec3;
 
@@ -55,7 +56,8 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
         // A light at infinity fills as much of the view from everywhere.
         let is_tiny = |light: &Light| light.bounding_box().is_some() && is_below(TINY, light, &boxes);
         let is_searched: Vec<bool> = lights.iter().map(|light| light.is_delta() || is_tiny(light)).collect();
-        let is_met = is_searched.iter().map(|searched| !searched).collect();
+        let is_met = lights.iter().zip(&is_searched).map(|(light, searched)| !searched && !light.is_environment());
+        let is_met = is_met.collect();
         let is_seldom_met = lights.iter().map(|light| is_below(SELDOM_MET, light, &boxes)).collect();
         let mut add = |method, lights, chain| {
             choices.push(Choice { method, lights, chains: vec![chain], casters: Vec::new() });
@@ -68,7 +70,7 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
         let (lights, chains, casters) = (lights.to_vec(), chains.to_vec(), casters.to_vec());
         choices.push(Choice { method, lights, chains, casters });
     };
-    let all = vec![true; lights.len()];
+    let all: Vec<bool> = lights.iter().map(|light| !light.is_environment()).collect();
     let specular = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_specular());
     let (glass, mirrors): (Vec<_>, Vec<_>) = specular.partition(|(_, mesh)| mesh.is_dielectric());
     let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| scene.is_closed(*index));

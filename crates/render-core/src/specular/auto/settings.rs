@@ -65,7 +65,11 @@ impl MethodSettings for AutoSettings {
     }
 
     fn chosen(&self, scene: &Scene) -> Vec<String> {
-        choose(scene).iter().map(|choice| choice.describe(scene)).collect()
+        let environment = scene.light_sampler().environment().filter(|_| !scene.panes().is_empty());
+        let of_environment = environment.map(|light| {
+            format!("sampling of the panes finds light of \"{}\" through panes", scene.lights()[light as usize].name)
+        });
+        choose(scene).iter().map(|choice| choice.describe(scene)).chain(of_environment).collect()
     }
 
     fn build(&self, scene: &Scene, cache: &MethodCache) -> Option<Box<dyn SpecularMethod>> {

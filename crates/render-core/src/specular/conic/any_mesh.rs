@@ -333,10 +333,10 @@ fn leads_to_light(scene: &Scene, point: &ShadingPoint, direction: DVec3, event: 
     else {
         return false;
     };
-    let (interface, normals) = (scene.delta_bsdf(index).unwrap(), scene.normals(index, barycentric));
+    let (interface, at) = (scene.delta_bsdf(index).unwrap(), scene.surface_point(index, barycentric));
     let next = match event {
-        SpecularEvent::Transmission => interface.transmit(direction, &normals).map(|crossing| crossing.direction),
-        SpecularEvent::Reflection => interface.reflect(direction, &normals).map(|(next, _)| next),
+        SpecularEvent::Transmission => interface.transmit(direction, &at.normals).map(|crossing| crossing.direction),
+        SpecularEvent::Reflection => interface.reflect(direction, &at).map(|(next, _)| next),
     };
     let light = &scene.lights()[light as usize];
     next.is_some_and(|next| match light.bounds() {

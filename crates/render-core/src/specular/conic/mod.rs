@@ -282,7 +282,7 @@ const LARGE: f64 = 0.2;
 /// The middle of a light and how far its points are from there, metres or the chord between unit directions; `None` for
 /// points and large lights.
 fn whole(light: &Light, point: DVec3) -> Option<(Source, f64)> {
-    let (source, spread, size) = match light_bounds(light, &Frame::WORLD) {
+    let (source, spread, size) = match light_bounds(light, &Frame::WORLD)? {
         SourceBounds::Ball { centre, radius } => (Source::Point(centre), radius, radius / (centre - point).length()),
         SourceBounds::Cap { direction, sin_radius } => {
             let cosine = (1.0 - sin_radius * sin_radius).max(0.0).sqrt();

@@ -217,10 +217,11 @@ impl<'a> ReflectionSearch<'a> {
         let frame = &geometry.frame;
         let (direction, outwards) = (frame.vector_to_world(first), frame.vector_to_world(last));
         let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(outwards));
+        let falloff = scene.lights()[light as usize].falloff(outwards);
         let towards = normal(&jet).dot(first) * self.side.sign;
         let away = -normal(&jet).dot(last) * self.side.sign;
         let is_reflected = towards > 0.0 && away > 0.0 && geometry.outline().contains(place);
-        if !is_reflected || light_cosine <= 0.0 || direction.dot(point.normal) <= 0.0 {
+        if !is_reflected || light_cosine.min(falloff) <= 0.0 || direction.dot(point.normal) <= 0.0 {
             return None;
         }
         let incident = Ray::new(point.position, direction);
@@ -241,7 +242,7 @@ impl<'a> ReflectionSearch<'a> {
         counters.unique_solutions += 1;
         let refraction = refract(first, unit_normal(jet.gradient), 1.0, geometry.index_of_refraction);
         let reflected = 1.0 - refraction.map_or(0.0, |refraction| refraction.transmittance);
-        let factor = root.path.geometry_factor(root.determinant) * light_cosine;
+        let factor = root.path.geometry_factor(root.determinant) * light_cosine * falloff;
         Some(Arrival { direction, weight: sample.weight * (reflected * factor) })
     }
 }

@@ -38,6 +38,10 @@ impl MethodSettings for PathSettings {
         vec![PathClass::new(lights.all(), ANY)]
     }
 
+    fn finds_environment(&self) -> bool {
+        false
+    }
+
     fn build(&self, _: &Scene, _: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
         None
     }

@@ -4,15 +4,21 @@ use exr::meta::attribute::{Chromaticities, IntegerBounds};
 use exr::prelude::Vec2;
 use glam::{DVec2, DVec3};
 
-use super::super::Bitmap;
 use super::super::height_map::HeightMap;
 use super::super::picture_samples::{
     encode_exr, encode_exr_with, encode_png, encode_whole_numbers, png_of, profile_chunk,
 };
 use super::super::picture_size::picture_size;
 use super::super::png_metadata::number;
+use super::super::{Bitmap, Encoding, Filter, Wrap};
+use crate::settings::AssetProblem;
 
 const HEIGHTS: [f32; 6] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625];
+
+/// A picture of colours.
+fn bitmap(bytes: &[u8]) -> Result<Bitmap, AssetProblem> {
+    Bitmap::decode(bytes, Encoding::Colour)
+}
 
 /// A file of 3 x 2 pixels at a place, in a picture of some size at another.
 fn windows(data: (i32, i32), display: (i32, i32), [width, height]: [usize; 2]) -> Vec<u8> {
@@ -25,7 +31,7 @@ fn windows(data: (i32, i32), display: (i32, i32), [width, height]: [usize; 2]) -
 #[track_caller]
 fn check_both_refused(bytes: &[u8], fragments: &[&str]) {
     let [height_map, texture] =
-        [HeightMap::decode(bytes).err(), Bitmap::decode(bytes).err()].map(|error| error.unwrap().to_string());
+        [HeightMap::decode(bytes).err(), bitmap(bytes).err()].map(|error| error.unwrap().to_string());
     for fragment in fragments {
         assert!(height_map.contains(fragment), "no {fragment:?} in: {height_map}");
         assert!(texture.contains(fragment), "no {fragment:?} in: {texture}");
@@ -104,12 +110,12 @@ fn channels_that_were_found_are_listed_where_others_are_needed() {
         &encode_whole_numbers(3, 2, "Y", &[1; 6]),
         &["has whole numbers in channel Y, must have floats"],
     );
-    let refused = |names: &[&str]| Bitmap::decode(&of(names)).unwrap_err().to_string();
+    let refused = |names: &[&str]| bitmap(&of(names)).unwrap_err().to_string();
     for names in [&["X", "Y", "Z"][..], &["BY", "RY", "Y"], &["R", "Y"], &["G", "R"]] {
         let expected = format!("has the channels {}, must have the channels R, G and B, or Y", names.join(", "));
         assert_eq!(refused(names), expected);
     }
-    assert!(Bitmap::decode(&of(&["A", "Y"])).is_ok() && Bitmap::decode(&of(&["A", "B", "G", "R", "Y"])).is_ok());
+    assert!(bitmap(&of(&["A", "Y"])).is_ok() && bitmap(&of(&["A", "B", "G", "R", "Y"])).is_ok());
     assert!(HeightMap::decode(&of(&["A", "B", "G", "R"])).is_ok());
 }
 
@@ -131,30 +137,32 @@ fn colours_are_those_of_rec_709() {
     let aces_cg = [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.321_68, 0.337_67];
     let own = [0.7, 0.3, 0.2, 0.7, 0.15, 0.06, 0.3127, 0.329];
     let rgb = ["B", "G", "R"];
-    assert!(Bitmap::decode(&primaries(rec_709, &rgb)).is_ok());
-    let refused = |numbers| Bitmap::decode(&primaries(numbers, &rgb)).unwrap_err().to_string();
+    assert!(bitmap(&primaries(rec_709, &rgb)).is_ok());
+    let refused = |numbers| bitmap(&primaries(numbers, &rgb)).unwrap_err().to_string();
     assert!(refused(aces_cg).contains("(attribute chromaticities) are ACEScg; convert it to linear Rec. 709"));
     assert!(refused(own).contains("are red (0.7000, 0.3000), green (0.2000, 0.7000), blue"), "{}", refused(own));
     // Grey has no colour, and heights have none either.
-    assert!(Bitmap::decode(&primaries(aces_cg, &["Y"])).is_ok());
+    assert!(bitmap(&primaries(aces_cg, &["Y"])).is_ok());
     assert!(HeightMap::decode(&primaries(aces_cg, &rgb)).is_ok());
     let luminance = encode_exr_with(3, 2, &rgb.map(|name| (name, &HEIGHTS[..])), |image, layer| {
         image.pixel_aspect = 2.0;
         layer.white_luminance = Some(100.0);
         layer.adopted_neutral = Some(Vec2(0.321_68, 0.337_67));
     });
-    assert!(Bitmap::decode(&luminance).is_ok());
+    assert!(bitmap(&luminance).is_ok());
 }
 
 /// What a texture of one row shows in its columns, as sRGB values of 8 bits.
 fn row(png: &[u8], columns: u32) -> Vec<[f64; 3]> {
-    let texture = Bitmap::decode(png).unwrap();
+    let texture = bitmap(png).unwrap();
     let srgb = |linear: f64| {
         let value = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
         (value * 255.0 * 100.0).round() / 100.0
     };
     let centre = |column| DVec2::new((f64::from(column) + 0.5) / f64::from(columns), 0.5);
-    (0..columns).map(|column| DVec3::to_array(&texture.lookup(centre(column))).map(srgb)).collect()
+    (0..columns)
+        .map(|column| DVec3::to_array(&texture.lookup(centre(column), [Wrap::Repeat; 2], Filter::Linear)).map(srgb))
+        .collect()
 }
 
 #[test]
@@ -249,14 +257,14 @@ fn png_files_of_other_colours_are_refused() {
     type Chunk = (&'static [u8; 4], Vec<u8>);
     let colour = |chunks: &[Chunk]| {
         let pixels: [Chunk; 1] = [(b"IDAT", vec![0, 1, 2, 3])];
-        Bitmap::decode(&png_of([1, 1], [8, 2, 0], &[chunks, &pixels].concat())).map_err(|error| error.to_string())
+        bitmap(&png_of([1, 1], [8, 2, 0], &[chunks, &pixels].concat())).map_err(|error| error.to_string())
     };
     let grey = |chunks: &[Chunk]| {
         let pixels: [Chunk; 1] = [(b"IDAT", vec![0, 1, 2])];
         let png = png_of([1, 1], [16, 0, 0], &[chunks, &pixels].concat());
         // Heights have no colour.
         assert!(HeightMap::decode(&png).is_ok());
-        Bitmap::decode(&png).map_err(|error| error.to_string())
+        bitmap(&png).map_err(|error| error.to_string())
     };
     let right: [(&str, Vec<Chunk>); 7] = [
         ("nothing", vec![]),
@@ -310,7 +318,7 @@ fn with_zeros_for_a_profile(rows: u32) -> Vec<u8> {
 
 #[test]
 fn a_colour_profile_that_grows_without_bound_is_refused_and_counted_as_what_is_read_of_it() {
-    let refused = |png: &[u8]| Bitmap::decode(png).unwrap_err().to_string();
+    let refused = |png: &[u8]| bitmap(png).unwrap_err().to_string();
     let large = with_zeros_for_a_profile(1 << 11);
     assert!(large.len() < 1 << 16);
     check_both_refused(&large, &["a PNG file with a colour profile (iCCP) that is larger than 4 MiB", "must be sRGB"]);
@@ -322,7 +330,7 @@ fn a_colour_profile_that_grows_without_bound_is_refused_and_counted_as_what_is_r
     // One that is damaged counts for nothing.
     let chunk = profile_chunk(&[7; 100]);
     let damaged = png_of([1, 1], [16, 0, 0], &[(b"iCCP", chunk[..50].to_vec()), (b"IDAT", vec![0, 1, 2])]);
-    assert!(Bitmap::decode(&damaged).is_ok());
+    assert!(bitmap(&damaged).is_ok());
 }
 
 #[test]
@@ -352,15 +360,14 @@ fn the_header_of_a_png_file_says_how_much_its_pixels_take() {
 
 #[test]
 fn other_formats_are_named_with_the_way_out() {
-    let cases: [(&[u8], &str); 6] = [
-        (b"\xff\xd8\xff\xe0", ": it looks like a JPEG picture; save it as PNG (heights with 16 bits) or OpenEXR"),
+    let cases: [(&[u8], &str); 5] = [
         (b"MM\0*", ": it looks like a TIFF picture; save it"),
-        (b"RIFF\0\0\0\0WEBPVP8 ", ": it looks like a WebP picture; save it"),
+        (b"\0\0\0\x0cJXL \r\n\x87\n", ": it looks like a JPEG XL picture; save it as PNG (heights with 16 bits)"),
         (b"#?RADIANCE\n", ": it looks like a Radiance HDR picture; save it"),
         (b"", ": it is an empty file"),
         (b"glTF", ": it looks like a glTF binary (GLB); pictures are PNG or OpenEXR files"),
     ];
     for (bytes, fragment) in cases {
-        check_both_refused(bytes, &["is neither a PNG nor an OpenEXR file", fragment]);
+        check_both_refused(bytes, &["is no PNG, JPEG, WebP or OpenEXR file", fragment]);
     }
 }

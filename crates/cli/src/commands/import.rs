@@ -1,0 +1,107 @@
+//! `clerestory import`: a scene file around a file of another program.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use clerestory_render_core::document::{ModelScene, is_model, scene_around};
+use clerestory_render_core::scene::import::Expansion;
+
+use crate::activity::Activity;
+use crate::failure::Failure;
+use crate::model_options::{FileOptions, Glaze, MaterialChoice};
+use crate::output::print_line;
+use crate::output_file::{check_outputs, write};
+use crate::scene_text::scene_text;
+
+/// Most names in a line of the report.
+const MOST_NAMES: usize = 8;
+
+/// Options of `clerestory import`.
+#[derive(Debug, Args)]
+pub(crate) struct ImportArguments {
+    /// The glTF (.glb, .gltf) or OBJ file.
+    file: PathBuf,
+    /// The scene file to write, in the folder of the file [default: the file's name with .json].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Make window panes of what has such a name: PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N].
+    /// Profiles are crown, cylinder, hammered and flat; `*` in a pattern stands for any text. Can be given several
+    /// times.
+    #[arg(long, value_name = "PATTERN=PROFILE")]
+    glaze: Vec<Glaze>,
+    /// Give what has such a name another material: a colour such as #d8d0c0, mirror, glass, water, or JSON as in a
+    /// scene file. Can be given several times.
+    #[arg(long, value_name = "PATTERN=MATERIAL")]
+    material: Vec<MaterialChoice>,
+    #[command(flatten)]
+    options: FileOptions,
+}
+
+pub(crate) fn run(arguments: &ImportArguments) -> Result<(), Failure> {
+    let file = &arguments.file;
+    if !is_model(file) {
+        return Err(Failure::Usage(format!(
+            "{}: expected a file whose name ends in .glb, .gltf or .obj",
+            file.display()
+        )));
+    }
+    let output = arguments.output.clone().unwrap_or_else(|| file.with_extension("json"));
+    check_outputs(&[("--output", Some(&output))], &[("the file", Some(file))])?;
+    check_folder(file, &output)?;
+    let mut options = arguments.options.model();
+    options.glaze = arguments.glaze.iter().map(|Glaze(rule)| rule.clone()).collect();
+    options.materials =
+        arguments.material.iter().map(|MaterialChoice(rule, material)| (rule.clone(), material.clone())).collect();
+    let activity = Activity::begin("Reading the file");
+    let model = scene_around(file, &options).map_err(|source| Failure::scene(file, source))?;
+    // What is built now needs no second command to show that it cannot be.
+    activity.build(&model.bundle).map_err(|source| Failure::scene(file, source))?;
+    activity.done("The scene is ready");
+    write(&output, format!("{}\n", scene_text(model.bundle.description())).as_bytes())?;
+    report(&model, &output)
+}
+
+/// A scene file names files of its own folder alone.
+fn check_folder(file: &Path, output: &Path) -> Result<(), Failure> {
+    let folder = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::canonicalize(folder).map_err(|source| Failure::Read { file: folder.to_owned(), source })
+    };
+    if folder(file)? == folder(output)? {
+        return Ok(());
+    }
+    Err(Failure::Usage(format!(
+        "--output {}: a scene file stands in the folder of the files that it names; expected {}",
+        output.display(),
+        file.with_file_name(output.file_name().unwrap_or_default()).display()
+    )))
+}
+
+fn report(model: &ModelScene, output: &Path) -> Result<(), Failure> {
+    let Expansion { meshes, materials, panes, lights, cameras, notes, unglazed, glazable, .. } = &model.expansion;
+    print_line(&format!(
+        "{}: {} meshes, {} materials, {} panes, {} lights and {} cameras of the file",
+        output.display(),
+        meshes.len(),
+        materials.len(),
+        panes.len(),
+        lights.len(),
+        cameras.len()
+    ))?;
+    for line in notes.iter().chain(&model.assumptions) {
+        print_line(&format!("- {line}"))?;
+    }
+    for (name, reason) in unglazed {
+        print_line(&format!("- {name} is no pane: {reason}"))?;
+    }
+    if !glazable.is_empty() {
+        print_line("Names worth glazing, with --glaze 'NAME=crown':")?;
+        for (name, count) in glazable.iter().take(MOST_NAMES) {
+            print_line(&format!("- {name}: {count} that can become panes"))?;
+        }
+        if glazable.len() > MOST_NAMES {
+            print_line(&format!("- and {} more", glazable.len() - MOST_NAMES))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,185 @@
+//! Options for files of other programs, and what they become in a scene.
+
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+use clerestory_render_core::bsdf::MaterialDescription;
+use clerestory_render_core::document::ModelOptions;
+use clerestory_render_core::scene::import::{FLAT_THICKNESS, GlazeRule, MaterialRule, OLD_GLASS, UpAxis, profile};
+use clerestory_render_core::settings::Triple;
+use serde_json::json;
+
+/// Options for glTF and OBJ files.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct FileOptions {
+    /// Unit of a glTF or OBJ file that does not say: m, cm, mm, in or ft [default: m].
+    #[arg(long, value_name = "UNIT")]
+    unit: Option<Unit>,
+    /// Axis of a glTF or OBJ file that points up [default: y].
+    #[arg(long, value_name = "AXIS")]
+    up: Option<Axis>,
+}
+
+impl FileOptions {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.unit.is_none() && self.up.is_none()
+    }
+
+    /// The options for the reader.
+    pub(crate) fn model(&self) -> ModelOptions {
+        ModelOptions {
+            metres_per_unit: self.unit.map(Unit::metres),
+            up: self.up.map(|axis| match axis {
+                Axis::Y => UpAxis::Y,
+                Axis::Z => UpAxis::Z,
+            }),
+            ..ModelOptions::default()
+        }
+    }
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Unit {
+    M,
+    Cm,
+    Mm,
+    In,
+    Ft,
+}
+
+impl Unit {
+    fn metres(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Cm => 0.01,
+            Self::Mm => 0.001,
+            Self::In => 0.0254,
+            Self::Ft => 0.3048,
+        }
+    }
+}
+
+/// An axis that points up.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Axis {
+    Y,
+    Z,
+}
+
+/// `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`.
+#[derive(Clone, Debug)]
+pub(crate) struct Glaze(pub(crate) GlazeRule);
+
+impl FromStr for Glaze {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let usual =
+            "PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N], such as 'Window*=crown,colour=#d8e8d0'";
+        let (pattern, rest) = text.split_once('=').ok_or_else(|| format!("expected {usual}"))?;
+        let mut settings = rest.split(',');
+        let name = settings.next().unwrap_or_default();
+        let (mut thickness, mut transmitted, mut seed) = (None, [1.0; 3], 1);
+        for setting in settings {
+            let (name, value) = setting.split_once('=').unwrap_or((setting, ""));
+            let wrong = |expected: &str| format!("{name}: found {value:?}, expected {expected}");
+            match name {
+                "thickness" => {
+                    let metres = value.parse().ok().filter(|metres: &f64| *metres > 0.0 && *metres <= 1.0);
+                    thickness = Some(metres.ok_or_else(|| wrong("metres, more than 0 and at most 1"))?);
+                }
+                "colour" => transmitted = hex_colour(value).ok_or_else(|| wrong("a colour such as #d8e8d0"))?,
+                "seed" => seed = value.parse().map_err(|_| wrong("a whole number"))?,
+                _ => return Err(format!("found {setting:?}, expected thickness=, colour= or seed=")),
+            }
+        }
+        let [Some(front), Some(back)] = [seed, seed + 1].map(|seed| profile(name, seed)) else {
+            return Err(format!("found the profile {name:?}, expected one of {}", OLD_GLASS.join(", ")));
+        };
+        let travelled = thickness.unwrap_or(FLAT_THICKNESS);
+        // What glass of this thickness lets through between its faces.
+        let absorption = transmitted.map(|share: f64| -share.max(1e-4).ln() / travelled);
+        Ok(Self(GlazeRule {
+            thickness,
+            absorption: absorption.map(|coefficient| coefficient.max(0.0)),
+            front,
+            back,
+            ..GlazeRule::flat(pattern)
+        }))
+    }
+}
+
+/// `PATTERN=MATERIAL`.
+#[derive(Clone, Debug)]
+pub(crate) struct MaterialChoice(pub(crate) MaterialRule, pub(crate) MaterialDescription);
+
+impl FromStr for MaterialChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = "expected PATTERN=MATERIAL, where a material is a colour such as #d8d0c0, or mirror, glass, \
+                        water, or JSON as in a scene file";
+        let (pattern, material) = text.split_once('=').ok_or(expected)?;
+        let settings = match material {
+            "mirror" => json!({"mirror": {}}),
+            "glass" => json!({"dielectric": {"index_of_refraction": 1.52}}),
+            "water" => json!({"dielectric": {"index_of_refraction": 1.33}}),
+            colour if colour.starts_with('#') => {
+                let colour = hex_colour(colour).ok_or_else(|| format!("found {colour:?}, expected #RRGGBB"))?;
+                json!({"diffuse": {"reflectance": {"colour": colour}}})
+            }
+            json => serde_json::from_str(json).map_err(|_| expected)?,
+        };
+        let description = serde_json::from_value(settings).map_err(|error| error.to_string())?;
+        let rule = MaterialRule { pattern: pattern.to_owned(), material: format!("{pattern} {material}") };
+        Ok(Self(rule, description))
+    }
+}
+
+/// A colour `#RRGGBB` of the sRGB space, linear.
+fn hex_colour(text: &str) -> Option<Triple> {
+    let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
+    let channel = |place: usize| {
+        let value = f64::from(u8::from_str_radix(digits.get(place..place + 2)?, 16).ok()?) / 255.0;
+        Some(if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) })
+    };
+    Some([channel(0)?, channel(2)?, channel(4)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn glass_is_a_profile_with_thickness_and_colour() {
+        let Glaze(rule) = "Window*=crown,thickness=0.002,colour=#ffff80".parse().unwrap();
+        assert_eq!((rule.pattern.as_str(), rule.thickness), ("Window*", Some(0.002)));
+        assert_eq!(&rule.absorption[..2], [0.0, 0.0]);
+        // A byte of 128 lets 21.6 % through.
+        assert!(((-rule.absorption[2] * 0.002).exp() - 0.2159).abs() < 1e-3);
+        assert_ne!(rule.front, rule.back);
+        for (text, expected) in [
+            ("Window*", "PATTERN=PROFILE"),
+            ("Window*=float", "one of crown, cylinder"),
+            ("Window*=flat,thickness=-1", "more than 0"),
+            ("Window*=flat,colour=red", "#d8e8d0"),
+            ("Window*=flat,tint=#ffffff", "thickness="),
+        ] {
+            let message = text.parse::<Glaze>().unwrap_err();
+            assert!(message.contains(expected), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn a_material_is_a_colour_a_name_or_json() {
+        for text in
+            ["Wall*=#d8d0c0", "Mirror*=mirror", "a=water", r#"a={"diffuse":{"reflectance":{"colour":[1,1,1]}}}"#]
+        {
+            assert!(text.parse::<MaterialChoice>().is_ok(), "{text}");
+        }
+        for text in ["Wall*", "Wall*=stone", "Wall*=#12", r#"a={"velvet":{}}"#] {
+            assert!(text.parse::<MaterialChoice>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Window glass without a thickness: light goes straight on, or is mirrored.
+//!
+//! A sheet of glass has two faces. With R the reflectance of one face, light that is reflected back and forth between
+//! them adds up to `2R / (1 + R)`. Both faces are parallel, so that transmitted light leaves in its old direction.
+//!
+//! Specular methods do not search it, because light that is not bent has no stationary path. A shadow ray ends on it,
+//! too. So light by way of it is found once, and by chance alone.
+
+use std::sync::Arc;
+
+use clerestory_film::SampleStream;
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::dielectric::{crown_glass, reflected};
+use super::fresnel::fresnel_reflectance;
+use super::{Bsdf, BsdfSample, MaterialSettings, SampleKind, SpecularEvent, SurfacePoint, textures};
+use crate::settings::check::check_range;
+use crate::settings::{Check, JsonPath};
+use crate::texture::{Bitmaps, Colour, ColourDescription, TextureUse};
+
+/// A clear sheet without a thickness, such as window glass: light goes straight on or is mirrored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct ThinWallMaterial {
+    /// Index of refraction of the sheet, 1 to 3.
+    #[serde(default = "crown_glass")]
+    #[schemars(range(min = 1.0, max = 3.0))]
+    pub index_of_refraction: f64,
+    /// Fraction of the light that enters the sheet and leaves it on the other side.
+    #[serde(default = "ColourDescription::white")]
+    pub tint: ColourDescription,
+}
+
+impl Default for ThinWallMaterial {
+    fn default() -> Self {
+        Self { index_of_refraction: crown_glass(), tint: ColourDescription::white() }
+    }
+}
+
+impl MaterialSettings for ThinWallMaterial {
+    fn check(&self, path: &JsonPath<'_>) -> Check {
+        check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
+        self.tint.check(&path.member("tint"))
+    }
+
+    fn is_delta(&self) -> bool {
+        true
+    }
+
+    fn is_searched(&self) -> bool {
+        false
+    }
+
+    fn textures(&self) -> Vec<TextureUse<'_>> {
+        textures(&[("tint", &self.tint)])
+    }
+
+    fn build(&self, bitmaps: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
+        Arc::new(ThinWall { index_of_refraction: self.index_of_refraction, tint: self.tint.build(bitmaps) })
+    }
+}
+
+/// A sheet of two parallel faces in one place.
+#[derive(Clone, Debug)]
+struct ThinWall {
+    index_of_refraction: f64,
+    tint: Colour,
+}
+
+impl ThinWall {
+    /// The part of light that is mirrored by both faces, for a ray with this cosine to the normal.
+    fn reflectance(&self, cosine: f64) -> f64 {
+        let of_one = fresnel_reflectance(cosine, self.index_of_refraction);
+        2.0 * of_one / (1.0 + of_one)
+    }
+}
+
+impl Bsdf for ThinWall {
+    fn is_delta(&self) -> bool {
+        true
+    }
+
+    fn transmits(&self) -> bool {
+        true
+    }
+
+    fn albedo(&self, at: &SurfacePoint) -> DVec3 {
+        self.tint.at(at.texture)
+    }
+
+    fn scale(&self, _: &SurfacePoint) -> DVec3 {
+        DVec3::ONE
+    }
+
+    fn eval(&self, _: &SurfacePoint, _: DVec3, _: DVec3) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    fn pdf(&self, _: &SurfacePoint, _: DVec3, _: DVec3) -> f64 {
+        0.0
+    }
+
+    fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample> {
+        let reflectance = self.reflectance(incident.dot(at.normals.shading).abs());
+        if stream.next_1d() < reflectance {
+            let direction = reflected(incident, &at.normals)?;
+            let kind = SampleKind::Delta(SpecularEvent::Reflection);
+            return Some(BsdfSample { direction, weight: DVec3::ONE, kind });
+        }
+        let kind = SampleKind::Delta(SpecularEvent::Transmission);
+        Some(BsdfSample { direction: incident, weight: self.tint.at(at.texture), kind })
+    }
+}

@@ -1,0 +1,227 @@
+//! Window panes from the flat rectangles and thin boxes that modellers put into windows.
+//!
+//! A mesh is cut into its connected pieces. Each piece becomes a pane, or the reason why it does not.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+/// Longest distance from a plane of what is flat, metres, and as a fraction of the size.
+const FLATNESS: [f64; 2] = [1e-4, 1e-4];
+
+/// The thickest box that is a pane, as a fraction of its shorter edge.
+const THICKEST: f64 = 0.25;
+
+/// Largest difference of the area from that of a rectangle, as a fraction.
+const AREA_TOLERANCE: f64 = 5e-3;
+
+/// Largest part of a box that a pane may lack: edges may be rounded.
+const VOLUME_TOLERANCE: f64 = 0.03;
+
+/// A rectangle that becomes a pane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PaneFit {
+    /// Its middle, between both faces.
+    pub(crate) centre: DVec3,
+    /// Unit vectors along width and height.
+    pub(crate) axes: [DVec3; 2],
+    /// Width and height, metres.
+    pub(crate) size: [f64; 2],
+    /// Distance between the faces of a box, metres; `None` for a flat rectangle.
+    pub(crate) thickness: Option<f64>,
+}
+
+/// A connected piece of a mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct Piece {
+    /// The corners of its triangles.
+    pub(crate) triangles: Vec<[DVec3; 3]>,
+    /// The pane that it is, or why it is none.
+    pub(crate) fit: Result<PaneFit, String>,
+}
+
+/// The pieces of a mesh, in the order of their first triangles.
+pub(crate) fn pieces(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Piece> {
+    let corners = |triangle: &[u32; 3]| triangle.map(|vertex| positions[vertex as usize]);
+    let piece = |triangles: Vec<[u32; 3]>| {
+        let triangles: Vec<[DVec3; 3]> = triangles.iter().map(corners).collect();
+        Piece { fit: fit(&triangles), triangles }
+    };
+    connected(positions, triangles).into_iter().map(piece).collect()
+}
+
+/// The connected pieces of a mesh. Vertices in the same place are one.
+fn connected(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Vec<[u32; 3]>> {
+    let mut first_at: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+    let welded: Vec<u32> = (0..)
+        .zip(positions)
+        .map(|(index, position)| *first_at.entry(position.to_array().map(|x| (x + 0.0).to_bits())).or_insert(index))
+        .collect();
+    let mut parents: Vec<u32> = (0..positions.len() as u32).collect();
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|vertex| welded[vertex as usize]);
+        let root = root_of(&mut parents, a);
+        for other in [b, c] {
+            let other = root_of(&mut parents, other);
+            parents[other as usize] = root;
+        }
+    }
+    let mut order = Vec::new();
+    let mut pieces: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
+    for triangle in triangles {
+        let root = root_of(&mut parents, welded[triangle[0] as usize]);
+        let piece = pieces.entry(root).or_default();
+        if piece.is_empty() {
+            order.push(root);
+        }
+        piece.push(*triangle);
+    }
+    order.iter().filter_map(|root| pieces.remove(root)).collect()
+}
+
+/// The vertex that stands for all that are connected with one.
+fn root_of(parents: &mut [u32], mut vertex: u32) -> u32 {
+    while parents[vertex as usize] != vertex {
+        let above = parents[parents[vertex as usize] as usize];
+        parents[vertex as usize] = above;
+        vertex = above;
+    }
+    vertex
+}
+
+fn fit(triangles: &[[DVec3; 3]]) -> Result<PaneFit, String> {
+    let crosses: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a)).collect();
+    let area = 0.5 * crosses.iter().map(|cross| cross.length()).sum::<f64>();
+    // The largest triangle lies in a face, and one of its edges along the border.
+    let by_size = |a: &usize, b: &usize| crosses[*a].length_squared().total_cmp(&crosses[*b].length_squared());
+    let largest = (0..crosses.len()).max_by(by_size).ok_or("it has no triangle")?;
+    let normal = crosses[largest].try_normalize().ok_or("it has no area")?;
+    let [a, b, c] = triangles[largest];
+    let boxes = [b - a, c - b, a - c].into_iter().filter_map(|edge| {
+        let along = edge.try_normalize()?;
+        let axes = [along, normal.cross(along)];
+        let [min, max] = bounds(triangles, axes, normal);
+        Some((axes, (max.x - min.x) * (max.y - min.y)))
+    });
+    let (axes, rectangle) = boxes.min_by(|a, b| a.1.total_cmp(&b.1)).ok_or("it has no area")?;
+    let axes = upright(axes);
+    let [min, max] = bounds(triangles, axes, normal);
+    let (extent, middle) = (max - min, 0.5 * (min + max));
+    let size = [extent.x, extent.y];
+    let centre = axes[0] * middle.x + axes[1] * middle.y + normal * middle.z;
+    let [absolute, relative] = FLATNESS;
+    if extent.z <= absolute.min(relative * extent.x.max(extent.y)) {
+        if (area / rectangle - 1.0).abs() <= AREA_TOLERANCE {
+            return Ok(PaneFit { centre, axes, size, thickness: None });
+        }
+        return Err(format!("it is flat, but its outline is no rectangle: {:.0} % of one", 100.0 * area / rectangle));
+    }
+    if extent.z > THICKEST * size[0].min(size[1]) {
+        let DVec3 { x, y, z } = extent;
+        return Err(format!("it is no thin box: {z:.3} m thick where it is {x:.3} m by {y:.3} m"));
+    }
+    let volume = triangles.iter().map(|corners| {
+        let [a, b, c] = corners.map(|corner| corner - centre);
+        a.dot(b.cross(c)) / 6.0
+    });
+    let filled = volume.sum::<f64>().abs() / (rectangle * extent.z);
+    if (filled - 1.0).abs() > VOLUME_TOLERANCE {
+        return Err(format!("it is neither flat nor a closed box: it fills {:.0} % of one", 100.0 * filled));
+    }
+    Ok(PaneFit { centre, axes, size, thickness: Some(extent.z) })
+}
+
+/// The smallest and largest coordinates along two axes and a normal.
+fn bounds(triangles: &[[DVec3; 3]], [x, y]: [DVec3; 2], normal: DVec3) -> [DVec3; 2] {
+    let local = triangles.iter().flatten().map(|at| DVec3::new(at.dot(x), at.dot(y), at.dot(normal)));
+    local.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], at| [min.min(at), max.max(at)])
+}
+
+/// The same axes, the second as upright as it can be, the first to its right for who looks against the normal.
+fn upright([x, y]: [DVec3; 2]) -> [DVec3; 2] {
+    let turns = [[x, y], [y, -x], [-x, -y], [-y, x]];
+    let [first, others @ ..] = turns;
+    others.into_iter().fold(first, |best, turn| if turn[1].z > best[1].z + 1e-9 { turn } else { best })
+}
+
+impl PaneFit {
+    /// The middle of its front face, for glass of this thickness.
+    pub(crate) fn front(&self, thickness: f64) -> DVec3 {
+        let [x, y] = self.axes;
+        self.centre - x.cross(y) * (0.5 * thickness)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Frame;
+
+    fn panes(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Result<PaneFit, String>> {
+        pieces(positions, triangles).into_iter().map(|piece| piece.fit).collect()
+    }
+
+    /// A rectangle in a frame of `x` and `y`, with a corner at `from`.
+    fn rectangle(from: DVec3, x: DVec3, y: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        (vec![from, from + x, from + x + y, from + y], vec![[0, 1, 2], [0, 2, 3]])
+    }
+
+    fn solid(from: DVec3, edges: [DVec3; 3]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let corner = |index: usize| (0..3).filter(|axis| index >> axis & 1 == 1).map(|axis| edges[axis]).sum::<DVec3>();
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = faces.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+        ((0..8).map(|index| from + corner(index)).collect(), triangles)
+    }
+
+    #[test]
+    fn a_flat_rectangle_becomes_a_pane_that_stands_upright() {
+        let along = DVec3::new(0.6, 0.8, 0.0);
+        let (positions, triangles) = rectangle(DVec3::new(1.0, 2.0, 3.0), along * 0.5, DVec3::Z * 2.0);
+        let found = panes(&positions, &triangles);
+        let Ok(pane) = &found[0] else { panic!("{found:?}") };
+        assert!((pane.centre - (DVec3::new(1.0, 2.0, 4.0) + along * 0.25)).length() < 1e-12);
+        assert!((pane.size[0] - 0.5).abs() < 1e-12 && (pane.size[1] - 2.0).abs() < 1e-12, "{pane:?}");
+        assert!((pane.axes[1] - DVec3::Z).length() < 1e-12 && pane.thickness.is_none());
+    }
+
+    #[test]
+    fn a_thin_box_becomes_a_pane_of_its_thickness_however_it_is_turned() {
+        let frame = Frame::around(DVec3::new(0.3, -0.5, 0.8).normalize());
+        let edges = [DVec3::X * 0.4, DVec3::Y * 0.003, DVec3::Z * 0.7].map(|edge| frame.vector_to_world(edge));
+        let (positions, triangles) = solid(DVec3::new(5.0, 0.0, 1.0), edges);
+        let found = panes(&positions, &triangles);
+        let [Ok(pane)] = &found[..] else { panic!("{found:?}") };
+        assert!((pane.thickness.unwrap() - 0.003).abs() < 1e-9);
+        let mut size = pane.size;
+        size.sort_by(f64::total_cmp);
+        assert!((size[0] - 0.4).abs() < 1e-9 && (size[1] - 0.7).abs() < 1e-9, "{pane:?}");
+        let front = pane.front(0.003);
+        assert!((front - pane.centre).dot(pane.axes[0].cross(pane.axes[1])) < -0.0014);
+    }
+
+    #[test]
+    fn each_piece_of_a_mesh_is_a_pane_of_its_own() {
+        let (mut positions, mut triangles) = rectangle(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let (more, others) = rectangle(DVec3::X * 2.0, DVec3::X, DVec3::Z);
+        triangles.extend(others.iter().map(|triangle| triangle.map(|vertex| vertex + positions.len() as u32)));
+        positions.extend(more);
+        assert_eq!(panes(&positions, &triangles).iter().filter(|pane| pane.is_ok()).count(), 2);
+        // Corners that are stored for each triangle are in the same places.
+        let apart: Vec<DVec3> = triangles.iter().flatten().map(|vertex| positions[*vertex as usize]).collect();
+        let triangles: Vec<[u32; 3]> = (0..4).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect();
+        assert_eq!(panes(&apart, &triangles).len(), 2);
+    }
+
+    #[test]
+    fn what_is_no_pane_says_why() {
+        let reason = |positions: &[DVec3], triangles: &[[u32; 3]]| panes(positions, triangles)[0].clone().unwrap_err();
+        let (positions, triangles) = rectangle(DVec3::ZERO, DVec3::X, DVec3::Z);
+        assert!(reason(&positions, &triangles[..1]).contains("no rectangle: 50 %"));
+        let (positions, triangles) = solid(DVec3::ZERO, [DVec3::X, DVec3::Y, DVec3::Z]);
+        assert!(reason(&positions, &triangles).contains("no thin box"));
+        let (positions, triangles) = solid(DVec3::ZERO, [DVec3::X, DVec3::Y * 0.01, DVec3::Z]);
+        assert!(reason(&positions, &triangles[..8]).contains("closed box"));
+        let bent = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 0.1, 1.0), DVec3::Z];
+        assert!(reason(&bent, &[[0, 1, 2], [0, 2, 3]]).contains("neither flat"));
+    }
+}

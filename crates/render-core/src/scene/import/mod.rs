@@ -1,0 +1,25 @@
+//! Files of other programs that hold whole buildings: meshes, materials, cameras and lights.
+//!
+//! A scene names such a file in its `imports`. [`expand`] turns it into things of the scene. So everything else sees an
+//! ordinary scene.
+
+mod description;
+mod expand;
+mod glazing;
+pub(crate) mod gltf;
+mod gltf_materials;
+mod of_gltf;
+mod of_obj;
+mod old_glass;
+mod things;
+
+pub use description::{GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis};
+pub use expand::files_of;
+pub use old_glass::{OLD_GLASS, profile};
+pub use things::{Expansion, FLAT_THICKNESS, ImportedCamera};
+
+pub(crate) use description::check_imports;
+pub(crate) use expand::expand;
+
+#[cfg(test)]
+mod tests;
