@@ -24,7 +24,7 @@ pub(crate) struct ImportArguments {
     /// The scene file to write, in the folder of the file [default: the file's name with .json].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Make window panes of what has such a name: PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N].
+    /// Make window panes of what has such a name: `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`.
     /// Profiles are crown, cylinder, hammered and flat; `*` in a pattern stands for any text. Can be given several
     /// times.
     #[arg(long, value_name = "PATTERN=PROFILE")]

@@ -1,6 +1,6 @@
 //! Files of other programs that hold whole buildings: meshes, materials, cameras and lights.
 //!
-//! A scene names such a file in its `imports`. [`expand`] turns it into things of the scene. So everything else sees an
+//! A scene names such a file in its `imports`. `expand` turns it into things of the scene. So everything else sees an
 //! ordinary scene.
 
 mod description;
