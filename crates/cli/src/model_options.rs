@@ -7,6 +7,7 @@ use clerestory_render_core::bsdf::MaterialDescription;
 use clerestory_render_core::document::ModelOptions;
 use clerestory_render_core::scene::import::{FLAT_THICKNESS, GlazeRule, MaterialRule, OLD_GLASS, UpAxis, profile};
 use clerestory_render_core::settings::Triple;
+use clerestory_render_core::texture::srgb_to_linear;
 use serde_json::json;
 
 /// Options for glTF and OBJ files.
@@ -141,8 +142,8 @@ impl FromStr for MaterialChoice {
 fn hex_colour(text: &str) -> Option<Triple> {
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
     let channel = |place: usize| {
-        let value = f64::from(u8::from_str_radix(digits.get(place..place + 2)?, 16).ok()?) / 255.0;
-        Some(if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) })
+        let value = u8::from_str_radix(digits.get(place..place + 2)?, 16).ok()?;
+        Some(f64::from(srgb_to_linear(f64::from(value) / 255.0)))
     };
     Some([channel(0)?, channel(2)?, channel(4)?])
 }

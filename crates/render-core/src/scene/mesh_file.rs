@@ -1,6 +1,7 @@
 //! The mesh files that a scene names. They are opened before they are decoded, so that their size is known before
 //! memory is taken. Each is opened once, however many meshes come from it.
 
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 
 use glam::DVec2;
@@ -9,13 +10,13 @@ use super::assets::{Assets, asset_bytes, beside};
 use super::import::gltf::{GltfFile, Primitive};
 use super::mesh::TriangleMesh;
 use super::mesh_format::{FileMesh, MeshFormat, MeshPart};
-use super::obj::ObjFile;
+use super::obj::{ObjFile, ObjPart};
 use super::ply::PlyFile;
 use crate::settings::AssetProblem;
 
 /// A file of which no triangle is decoded yet.
 pub(super) enum MeshFile<'a> {
-    Obj(ObjFile<'a>),
+    Obj(OpenObj<'a>),
     Ply(PlyFile<'a>),
     Gltf(Box<GltfFile<'a>>),
 }
@@ -25,7 +26,7 @@ impl<'a> MeshFile<'a> {
     fn open(format: MeshFormat, file: &'a str, assets: &'a Assets) -> Result<Self, AssetProblem> {
         let bytes = asset_bytes(assets, file)?;
         match format {
-            MeshFormat::Obj => ObjFile::open(bytes).map(Self::Obj),
+            MeshFormat::Obj => ObjFile::open(bytes).map(|file| Self::Obj(OpenObj::new(file))),
             MeshFormat::Ply => PlyFile::open(bytes).map(Self::Ply),
             MeshFormat::Gltf => {
                 GltfFile::open(bytes, &|uri| beside(assets, file, uri)).map(|file| Self::Gltf(Box::new(file)))
@@ -36,7 +37,7 @@ impl<'a> MeshFile<'a> {
     /// Vertices and triangles that a part of it will have, about, at the most, with triangles that have no area.
     pub(super) fn size(&self, part: MeshPart) -> Result<[usize; 2], AssetProblem> {
         match (self, part) {
-            (Self::Obj(file), None) => Ok([file.vertices(), file.triangles()]),
+            (Self::Obj(OpenObj { file, .. }), None) => Ok([file.vertices(), file.triangles()]),
             (Self::Obj(file), Some([number, _])) => {
                 let parts = file.parts()?;
                 let part = parts.get(number as usize);
@@ -56,7 +57,7 @@ impl<'a> MeshFile<'a> {
     /// Decodes a part of it.
     pub(super) fn decode(&self, part: MeshPart) -> Result<TriangleMesh, AssetProblem> {
         match (self, part) {
-            (Self::Obj(file), None) => file.decode(),
+            (Self::Obj(OpenObj { file, .. }), None) => file.decode(),
             (Self::Obj(file), Some([part, _])) => {
                 let mut mesh = file.decode_part(part as usize)?;
                 if mesh.texture_coordinates.is_empty() {
@@ -69,6 +70,38 @@ impl<'a> MeshFile<'a> {
                 let [mesh, primitive] = part.unwrap_or_default();
                 file.decode(mesh as usize, primitive as usize).map(TriangleMesh::from)
             }
+        }
+    }
+}
+
+/// An OBJ file of whose parts many meshes are made. Each step reads the whole file, so it is taken once for all parts.
+pub(super) struct OpenObj<'a> {
+    file: ObjFile<'a>,
+    parts: OnceCell<Vec<ObjPart>>,
+    /// Parts that are decoded and not taken yet; `None` before the first is asked for.
+    decoded: RefCell<Option<BTreeMap<usize, TriangleMesh>>>,
+}
+
+impl<'a> OpenObj<'a> {
+    fn new(file: ObjFile<'a>) -> Self {
+        Self { file, parts: OnceCell::new(), decoded: RefCell::new(None) }
+    }
+
+    fn parts(&self) -> Result<&[ObjPart], AssetProblem> {
+        if self.parts.get().is_none() {
+            let _ = self.parts.set(self.file.parts()?);
+        }
+        Ok(self.parts.get().map_or(&[], Vec::as_slice))
+    }
+
+    fn decode_part(&self, part: usize) -> Result<TriangleMesh, AssetProblem> {
+        let mut decoded = self.decoded.borrow_mut();
+        if decoded.is_none() {
+            *decoded = Some(self.file.decode_parts()?.into_iter().enumerate().collect());
+        }
+        match decoded.as_mut().and_then(|meshes| meshes.remove(&part)) {
+            Some(mesh) => Ok(mesh),
+            None => self.file.decode_part(part),
         }
     }
 }

@@ -124,8 +124,8 @@ fn channels_of<T: Copy>(texel: &[T], encoding: Encoding, linear: impl Fn(T) -> f
     }
 }
 
-/// The transfer function of IEC 61966-2-1.
-fn srgb_to_linear(value: f64) -> f32 {
+/// The transfer function of IEC 61966-2-1: from a value of sRGB, 0 to 1, to a linear one.
+pub fn srgb_to_linear(value: f64) -> f32 {
     let linear = if value <= 0.040_45 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) };
     linear as f32
 }

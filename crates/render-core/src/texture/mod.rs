@@ -16,7 +16,7 @@ pub(crate) mod radiance_picture;
 mod value;
 mod wrap;
 
-pub use bitmap::Bitmap;
+pub use bitmap::{Bitmap, srgb_to_linear};
 pub use colour::ColourDescription;
 pub use encoding::Encoding;
 pub use mapped::{Bitmaps, PictureKey, TextureCoordinates, TextureDescription, TextureTransform, TextureUse};
