@@ -170,6 +170,13 @@ pub struct JobView {
     /// built the scene and said so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chosen_methods: Option<Vec<String>>,
+    /// What is in imported files and not in the scene, or differs, in words. Absent until a worker has built the scene
+    /// and said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub import_notes: Option<Vec<String>>,
+    /// What the submitter assumed for a file of another program, in words.
+    #[serde(default)]
+    pub assumptions: Vec<String>,
     /// Number of frames.
     pub frames: u32,
     /// Pixels across.

@@ -62,4 +62,7 @@ pub struct BuiltScene {
     pub left_to_chance: Vec<String>,
     /// Which method `auto` has chosen for which light, in words. At most 1000 lines.
     pub chosen_methods: Vec<String>,
+    /// What is in imported files and not in the scene, or differs, in words. At most 100 lines of 300 characters.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub import_notes: Vec<String>,
 }

@@ -52,6 +52,10 @@ pub struct JobSubmission {
     /// of them, or four with `target_estimated_mse`; so it must be more than that.
     #[serde(default)]
     pub adaptive: bool,
+    /// What was assumed to make the scene of a file of another program, in words, for the job and its images. At most
+    /// 100 lines of 300 characters.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub assumptions: Vec<String>,
 }
 
 fn default_tile_size() -> u32 {

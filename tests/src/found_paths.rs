@@ -35,7 +35,7 @@ impl FoundPath {
     /// The path as methods are asked about it.
     pub fn described(&self) -> SpecularPath<'_> {
         let Self { light, source, last_direction, ref links } = *self;
-        SpecularPath { light, source, last_direction, links }
+        SpecularPath { light, source, triangle: None, last_direction, links }
     }
 
     /// Whether light that arrives from a direction at the path's end comes along it.

@@ -28,6 +28,7 @@
 //! - [`found_paths`]: paths of light as methods are asked about them;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
 //! - [`parity`]: whether Mitsuba renders the same pictures of exported scenes;
+//! - [`fuzz`]: files as strangers could have made them;
 //! - [`slab`]: the faces of a slab whose caustic has no folds;
 //! - [`pool`]: water whose caustic folds;
 //! - [`two_interfaces`]: all paths through two interfaces, by curves; [`pane_mesh`]: a pane as a mesh;
@@ -51,6 +52,7 @@ pub mod farm;
 pub mod folds;
 pub mod forward_tracer;
 pub mod found_paths;
+pub mod fuzz;
 pub mod hand_worker;
 mod known_paths;
 pub mod large_frame;

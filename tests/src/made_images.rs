@@ -68,6 +68,8 @@ pub fn assert_made_alike(first: &Path, second: &Path) {
     assert!(first.counters.rays > 0 && first.counters.height_evaluations > 0, "{:?}", first.counters);
     assert_eq!(first.counters, second.counters);
     assert_eq!((&first.build, &first.worker_builds), (&second.build, &second.worker_builds));
-    let lists = |image: ImageMetadata| [image.missing_light, image.left_to_chance, image.chosen_methods];
+    let lists = |image: ImageMetadata| {
+        [image.missing_light, image.left_to_chance, image.chosen_methods, image.import_notes, image.assumptions]
+    };
     assert_eq!(lists(first), lists(second));
 }

@@ -453,7 +453,7 @@ fn light(description: &LightDescription) -> Result<TracedLight, TracedSceneError
                 radiance: DVec3::from(*radiance),
             }
         }
-        LightDescription::Spot(_) | LightDescription::Environment(_) => {
+        LightDescription::Spot(_) | LightDescription::Environment(_) | LightDescription::Mesh(_) => {
             return Err(TracedSceneError::Unsupported {
                 what: format!("the light {:?}", description.name()),
                 remedy: "use a light of another kind",

@@ -144,6 +144,10 @@ fn scene_of(source: &Value, material: &Value, panes: &Value, assets: &[(&str, Ve
 
 /// A scene of these meshes, or of one pane with these faces.
 fn scene_with(meshes: &Value, materials: &Value, panes: &Value, assets: &[(&str, Vec<u8>)]) -> SceneBundle {
+    let mut lights = vec![json!({"point": {"name": "lamp", "position": [1, 1, -2], "intensity": [5, 5, 5]}})];
+    if meshes[0]["name"] == "glow" {
+        lights.push(json!({"mesh": {"name": "glow", "mesh": "glow", "radiance": [5, 5, 5]}}));
+    }
     let scene = json!({
         "version": 1, "name": "memory", "film": {"width": 8, "height": 8},
         "camera": {"perspective": {
@@ -153,7 +157,7 @@ fn scene_with(meshes: &Value, materials: &Value, panes: &Value, assets: &[(&str,
         "materials": materials,
         "meshes": meshes,
         "panes": panes,
-        "lights": [{"point": {"name": "lamp", "position": [1, 1, -2], "intensity": [5, 5, 5]}}]
+        "lights": lights
     });
     let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
     let assets = assets.iter().map(|(name, bytes)| ((*name).to_owned(), Asset::new(bytes.clone())));
@@ -231,6 +235,7 @@ fn a_scene_takes_no_more_memory_than_is_counted_before_it_is_decoded_and_not_far
     // water.
     let mut bed = waves.clone();
     bed["waves"]["seed"] = json!(2);
+    let glow = json!([{"name": "glow", "material": "stuff", "source": waves}]);
     let pool = json!([
         {"name": "bed", "material": "stone", "source": bed}, {"name": "water", "material": "water", "source": waves}
     ]);
@@ -238,6 +243,7 @@ fn a_scene_takes_no_more_memory_than_is_counted_before_it_is_decoded_and_not_far
     let scenes = [
         ("waves", scene_of(&waves, &colour, &none, &[])),
         ("water", scene_of(&waves, &water, &none, &[])),
+        ("waves that shine", scene_with(&glow, &json!({"stuff": colour}), &none, &[])),
         ("obj", scene_of(&json!({"obj": {"file": "a.obj"}}), &colour, &none, &files[..1])),
         ("obj with a texture", scene_of(&json!({"obj": {"file": "a.obj"}}), &textured, &none, &with_texture(0))),
         ("water and its bed", scene_with(&pool, &pool_materials, &none, &[])),

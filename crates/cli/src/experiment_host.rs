@@ -95,6 +95,7 @@ async fn render(
         tile_size: order.tile_size,
         priority: 0,
         reference: order.reference.cloned(),
+        assumptions: Vec::new(),
     };
     let job = submit(connection, order.bundle, submission).await?;
     let Some(job) = finished(connection, progress, job.id, order.cancelled).await? else { return Ok(None) };

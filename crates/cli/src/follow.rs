@@ -478,6 +478,7 @@ mod tests {
             target_mse: None,
             target_estimated_mse: None,
             adaptive: false,
+            assumptions: Vec::new(),
         }
     }
 

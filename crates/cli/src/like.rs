@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clerestory_film::{FrameImage, ImageMetadata, TileGrid};
-use clerestory_render_core::document::{self, SamplingDescription, SceneBundle, SceneDescription};
+use clerestory_render_core::document::{SamplingDescription, SceneBundle, SceneDescription};
 use clerestory_render_core::scene::description::FilmDescription;
 
 use crate::failure::Failure;
@@ -20,8 +20,8 @@ pub(crate) struct Recipe {
     pub(crate) tile_passes: Vec<u32>,
 }
 
-/// Reads from `image` how it was made, and applies that to the scene.
-pub(crate) fn recipe(scene: &Path, image: &Path) -> Result<Recipe, Failure> {
+/// Reads from `image` how it was made, and applies that to the scene, which is in the file `scene`.
+pub(crate) fn recipe(bundle: SceneBundle, scene: &Path, image: &Path) -> Result<Recipe, Failure> {
     let picture = image_file::read(image)?;
     let Some(metadata) = picture.metadata() else {
         return Err(Failure::Usage(format!(
@@ -31,7 +31,6 @@ pub(crate) fn recipe(scene: &Path, image: &Path) -> Result<Recipe, Failure> {
     };
     check_tiles(image, &picture, metadata)?;
     let failure = |source| Failure::scene(scene, source);
-    let bundle = document::load(scene).map_err(failure)?;
     let mut description = bundle.description().clone();
     description.seed = metadata.seed;
     description.film = FilmDescription { width: picture.width(), height: picture.height() };

@@ -36,6 +36,8 @@ pub(crate) struct RenderTask {
     pub(crate) targets: Targets,
     /// A note that the image will have no standard error, where that is known before the render.
     pub(crate) absence: Option<String>,
+    /// What was assumed for a file of another program.
+    pub(crate) assumptions: Vec<String>,
 }
 
 /// The result of a render.
@@ -115,6 +117,7 @@ impl RenderTask {
             let (name, omitted) = (mesh.name(), mesh.omitted_triangles());
             progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
         }
+        progress.import_notes(self.scene.import_notes());
         progress.chosen_methods(&self.scene.chosen_methods());
         progress.missing_light(&self.scene.description().missing_light(), &self.scene.left_to_chance());
         self.absence.iter().for_each(|absence| progress.note(absence));
@@ -128,7 +131,8 @@ impl RenderTask {
         counters: Counters,
         elapsed: Option<Duration>,
     ) -> Result<FrameImage, ImageError> {
-        local_render::image(&self.scene, &self.plan, sums, &Provenance { build: BUILD, counters, elapsed })
+        let provenance = Provenance { build: BUILD, counters, elapsed, assumptions: &self.assumptions };
+        local_render::image(&self.scene, &self.plan, sums, &provenance)
     }
 
     pub(crate) fn measures(&self, image: &FrameImage) -> Result<Option<Measures>, Failure> {

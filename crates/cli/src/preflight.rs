@@ -33,14 +33,18 @@ impl Preflight {
         }
         let scene = activity.build(bundle)?;
         activity.done("The scene is built");
-        let (left_to_chance, chosen_methods) = (scene.left_to_chance(), scene.chosen_methods());
-        Ok(Self::Built(BuiltScene { left_to_chance, chosen_methods }))
+        Ok(Self::Built(BuiltScene {
+            left_to_chance: scene.left_to_chance(),
+            chosen_methods: scene.chosen_methods(),
+            import_notes: scene.import_notes().to_vec(),
+        }))
     }
 
-    /// Lists the chosen methods and the light that an image of the scene lacks.
+    /// Lists the notes on imports, the chosen methods and the light that an image of the scene lacks.
     pub(crate) fn announce(&self, missing_light: &[String], progress: &Progress) {
         match self {
-            Self::Built(BuiltScene { left_to_chance, chosen_methods }) => {
+            Self::Built(BuiltScene { left_to_chance, chosen_methods, import_notes }) => {
+                progress.import_notes(import_notes);
                 progress.chosen_methods(chosen_methods);
                 progress.missing_light(missing_light, left_to_chance);
             }
@@ -57,6 +61,7 @@ impl Preflight {
     /// Lists what a worker has reported of a scene that is too large for this machine.
     pub(crate) fn announce_report(&self, job: &JobView, progress: &Progress) {
         if let Self::TooLarge(_) = self {
+            progress.import_notes(job.import_notes.as_deref().unwrap_or_default());
             progress.chosen_methods(job.chosen_methods.as_deref().unwrap_or_default());
             progress.missing_light(&[], job.left_to_chance.as_deref().unwrap_or_default());
         }

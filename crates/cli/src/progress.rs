@@ -85,6 +85,16 @@ impl Progress {
         });
     }
 
+    /// Lists what was assumed for a file of another program.
+    pub(crate) fn assumptions(&self, assumptions: &[String]) {
+        self.list("Assumed, because the file does not say:", assumptions);
+    }
+
+    /// Lists what is in imported files and not in the scene, or differs.
+    pub(crate) fn import_notes(&self, notes: &[String]) {
+        self.list("Of the imported files:", notes);
+    }
+
     /// Lists which method `auto` has chosen for which light.
     pub(crate) fn chosen_methods(&self, chosen: &[String]) {
         self.list("Methods that auto has chosen:", chosen);

@@ -43,6 +43,13 @@ pub(crate) struct SceneOverrides {
     file: FileOptions,
 }
 
+/// A scene, and what was assumed where its file does not say.
+pub(crate) struct LoadedScene {
+    pub(crate) bundle: SceneBundle,
+    /// One sentence each; none for a scene file.
+    pub(crate) assumptions: Vec<String>,
+}
+
 /// Options that group the samples in another way than the scene.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub(crate) struct SamplingOverrides {
@@ -78,27 +85,29 @@ impl FromStr for Size {
 
 impl SceneOverrides {
     /// Loads a scene and changes it.
-    pub(crate) fn load(&self, file: &Path, sampling: SamplingOverrides) -> Result<SceneBundle, Failure> {
-        let bundle = self.read(file)?;
+    pub(crate) fn load(&self, file: &Path, sampling: SamplingOverrides) -> Result<LoadedScene, Failure> {
+        let LoadedScene { bundle, assumptions } = self.read(file)?;
         let mut description = self.apply(bundle.description().clone())?;
         sampling.apply(&mut description.sampling);
         // The scene in the file was valid, so the fault lies in the changes.
-        bundle.with_description(description).map_err(|source| Failure::Overrides { file: file.to_owned(), source })
+        let changed = bundle.with_description(description);
+        let bundle = changed.map_err(|source| Failure::Overrides { file: file.to_owned(), source })?;
+        Ok(LoadedScene { bundle, assumptions })
     }
 
-    /// Reads a scene file, or a file of another program, for which a scene is assumed.
-    fn read(&self, file: &Path) -> Result<SceneBundle, Failure> {
+    /// Reads a scene file, or a file of another program, for which a scene is assumed. The user is told of what.
+    pub(crate) fn read(&self, file: &Path) -> Result<LoadedScene, Failure> {
         if !is_model(file) {
             if !self.file.is_empty() {
                 let expected = "--unit and --up are for glTF and OBJ files: expected a .glb, .gltf or .obj file";
                 return Err(Failure::Usage(expected.to_owned()));
             }
-            return document::load(file).map_err(|source| Failure::scene(file, source));
+            let bundle = document::load(file).map_err(|source| Failure::scene(file, source))?;
+            return Ok(LoadedScene { bundle, assumptions: Vec::new() });
         }
         let model = scene_around(file, &self.file.model()).map_err(|source| Failure::scene(file, source))?;
-        let progress = Progress::new();
-        model.expansion.notes.iter().chain(&model.assumptions).for_each(|line| progress.note(line));
-        Ok(model.bundle)
+        Progress::new().assumptions(&model.assumptions);
+        Ok(LoadedScene { bundle: model.bundle, assumptions: model.assumptions })
     }
 
     fn apply(&self, mut description: SceneDescription) -> Result<SceneDescription, Failure> {

@@ -109,6 +109,8 @@ mod tests {
                 missing_light: Vec::new(),
                 left_to_chance: Vec::new(),
                 chosen_methods: Vec::new(),
+                import_notes: Vec::new(),
+                assumptions: Vec::new(),
                 counters: Counters::default(),
                 elapsed_seconds: None,
             };

@@ -36,6 +36,8 @@ pub(crate) struct JobSettings {
     pub(crate) priority: i32,
     /// The file of the reference image.
     pub(crate) reference: Option<Asset>,
+    /// What was assumed for a file of another program.
+    pub(crate) assumptions: Vec<String>,
 }
 
 /// Reads the reference for images of a scene, as bytes to send.
@@ -66,6 +68,7 @@ pub(crate) async fn submit(
         target_mse: settings.targets.mse,
         target_estimated_mse: settings.targets.estimated_mse,
         adaptive: settings.adaptive,
+        assumptions: settings.assumptions,
     };
     let missing = match asked(connection, &submission).await {
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,

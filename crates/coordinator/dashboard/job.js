@@ -54,6 +54,7 @@ export function JobView({ id, farm }) {
           <${Facts} job=${job} />
           <${Actions} job=${job} view=${view} isReachable=${isReachable} />
           <${MissingLight} job=${job} />
+          <${Imports} job=${job} />
         </div>
       </div>
       <${Convergence} job=${job} entry=${farm.convergence.get(id)} isReachable=${isReachable} />
@@ -125,14 +126,20 @@ function Actions({ job, view, isReachable }) {
 
 function MissingLight({ job }) {
   return html`
-    <${LightList} id="missing-heading" heading="Light that this image lacks" texts=${job.missing_light} />
-    <${LightList} id="chance-heading" heading="Light left to chance, which comes as rare bright samples"
+    <${TextList} id="missing-heading" heading="Light that this image lacks" texts=${job.missing_light} />
+    <${TextList} id="chance-heading" heading="Light left to chance, which comes as rare bright samples"
       texts=${job.left_to_chance} />
-    <${LightList} id="chosen-heading" heading="Methods that auto has chosen" texts=${job.chosen_methods} />`;
+    <${TextList} id="chosen-heading" heading="Methods that auto has chosen" texts=${job.chosen_methods} />`;
+}
+
+function Imports({ job }) {
+  return html`
+    <${TextList} id="assumed-heading" heading="Assumed, because the file does not say" texts=${job.assumptions} />
+    <${TextList} id="imports-heading" heading="Of the imported files" texts=${job.import_notes} />`;
 }
 
 // Lists are absent until a worker has built the scene.
-function LightList({ id, heading, texts = [] }) {
+function TextList({ id, heading, texts = [] }) {
   if (texts.length === 0) return null;
   return html`
     <section class="card missing" aria-labelledby=${id}>

@@ -186,7 +186,8 @@ fn candidates(scene: &PreparedScene) -> Vec<(Candidate, Vec<Root>)> {
     let Some(light) = scene.scene().lights().first() else { return Vec::new() };
     let sample = light.sample_source(centre, radius, DVec2::splat(0.5));
     let candidate = |point: ShadingPoint| {
-        let pane = scene.scene().first_pane_towards(&point, sample.source, &mut Counters::default())?;
+        let pane =
+            scene.scene().first_pane_towards(&point, (sample.source, sample.triangle), &mut Counters::default())?;
         Some(Candidate { point, sample, pane })
     };
     let with_paths = |candidate: Candidate| {

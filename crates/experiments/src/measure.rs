@@ -137,7 +137,7 @@ pub(crate) fn shared(
         return Err(session.interrupted());
     }
     let Spent { wall, core } = clocks.spent(session.settings.threads.get());
-    let provenance = Provenance { build: session.build, counters, elapsed: Some(wall) };
+    let provenance = Provenance { build: session.build, counters, elapsed: Some(wall), assumptions: &[] };
     let image = local_render::image(&scene, &plan, &sums, &provenance).map_err(ExperimentError::BadImage)?;
     Ok(Snapshot {
         samples: u64::from(passes) * u64::from(sampling.samples_per_pass()),
@@ -227,7 +227,8 @@ impl<'a> Render<'a> {
     fn snapshot(&self, session: &Session) -> Result<Snapshot, ExperimentError> {
         let sums = self.film.sums().map_err(ExperimentError::Render)?;
         let Spent { wall, core } = self.spent;
-        let provenance = Provenance { build: session.build, counters: self.film.counters, elapsed: Some(wall) };
+        let provenance =
+            Provenance { build: session.build, counters: self.film.counters, elapsed: Some(wall), assumptions: &[] };
         let image = local_render::image(self.scene, self.plan, &sums, &provenance);
         Ok(Snapshot {
             samples: self.samples(),

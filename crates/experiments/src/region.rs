@@ -99,7 +99,8 @@ fn ways(scene: &PreparedScene) -> Vec<Way> {
     let (centre, radius) = scene.scene().specular_ball();
     let of_light = |light: &clerestory_render_core::light::Light| {
         // Somewhere on the side that faces the panes: the middle, of most lights.
-        let source = light.sample_source(centre, radius, DVec2::splat(0.5)).source;
+        let sample = light.sample_source(centre, radius, DVec2::splat(0.5));
+        let source = (sample.source, sample.triangle);
         points(scene).into_iter().map(|point| way(scene, point.as_ref(), source)).collect::<Vec<Way>>()
     };
     let mut lights = scene.scene().lights().iter().map(of_light);
@@ -112,7 +113,7 @@ fn pixels(scene: &PreparedScene) -> usize {
     film.width as usize * film.height as usize
 }
 
-fn way(scene: &PreparedScene, point: Option<&ShadingPoint>, source: Source) -> Way {
+fn way(scene: &PreparedScene, point: Option<&ShadingPoint>, source: (Source, Option<u32>)) -> Way {
     let counters = &mut Counters::default();
     let Some(point) = point else { return Way::Open };
     match scene.scene().first_pane_towards(point, source, counters) {

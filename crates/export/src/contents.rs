@@ -1,9 +1,12 @@
 //! What a scene has, in words that other programs know.
 
-use clerestory_render_core::exchange::{CameraModel, LightModel, SurfaceModel};
+use clerestory_render_core::exchange::{CameraModel, CoverModel, LightModel, SurfaceModel};
 use clerestory_render_core::scene::description::FilmDescription;
+use clerestory_render_core::texture::RadiancePicture;
 use glam::DVec3;
 use serde::Serialize;
+
+use crate::approximation::Approximation;
 
 /// Everything but pixels and triangles. Places are seen from `origin`.
 #[derive(Debug, Serialize)]
@@ -21,6 +24,8 @@ pub(crate) struct Contents {
     pub(crate) panes: Vec<Pane>,
     /// What others render in another way.
     pub(crate) notes: Vec<String>,
+    /// What Mitsuba has no twin for.
+    pub(crate) mitsuba_approximations: Vec<Approximation>,
     /// Centre and radius of a ball around everything but distant lights, metres.
     #[serde(skip)]
     pub(crate) ball: (DVec3, f64),
@@ -32,8 +37,13 @@ pub(crate) struct Material {
     /// Its name where few characters are allowed.
     #[serde(skip)]
     pub(crate) id: String,
+    /// Which of two sets of texture coordinates its pictures use.
+    #[serde(skip)]
+    pub(crate) coordinates: usize,
     #[serde(flatten)]
     pub(crate) model: SurfaceModel<String>,
+    #[serde(flatten)]
+    pub(crate) cover: CoverModel<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -41,6 +51,9 @@ pub(crate) struct Light {
     pub(crate) name: String,
     #[serde(flatten)]
     pub(crate) model: LightModel,
+    /// The picture of an environment.
+    #[serde(skip)]
+    pub(crate) picture: Option<RadiancePicture>,
 }
 
 #[derive(Debug, Serialize)]
@@ -51,6 +64,8 @@ pub(crate) struct Mesh {
     pub(crate) material: String,
     /// Whether vertices have normals; if not, triangles are flat.
     pub(crate) normals: bool,
+    /// Which of two sets of texture coordinates its vertices have.
+    pub(crate) coordinates: usize,
 }
 
 #[derive(Debug, Serialize)]

@@ -6,16 +6,6 @@ use thiserror::Error;
 /// Why a scene cannot be exported. Every error names the place in the scene, what stands there and what would be right.
 #[derive(Debug, Error)]
 pub enum ExportError {
-    /// A thing of a kind that no other program is told of.
-    #[error("{place}: found {kind}, which cannot be exported: expected another {thing}")]
-    Kind {
-        /// Place in the scene file.
-        place: String,
-        /// The kind.
-        kind: String,
-        /// What it is a kind of.
-        thing: &'static str,
-    },
     /// A value that cannot be exported.
     #[error("{place}: found {found}, which cannot be exported: expected {expected}")]
     Value {

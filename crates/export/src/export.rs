@@ -1,40 +1,25 @@
 //! From a scene to its files.
 
-use std::sync::Arc;
-
-use clerestory_render_core::exchange::SurfaceModel;
-use clerestory_render_core::scene::{Assets, Scene, SceneParts, decode_textures};
-use clerestory_render_core::texture::Bitmap;
+use clerestory_render_core::exchange::{LightModel, RadianceModel, SurfaceModel};
+use clerestory_render_core::scene::{Scene, decode_radiance};
 use glam::DVec3;
 
+use crate::approximation::{Approximation, sentences};
 use crate::contents::{Contents, Light, Material, Mesh, Pane};
 use crate::error::ExportError;
 use crate::file_name::file_name;
+use crate::materials::materials;
 use crate::mesh::{has_normals, mesh};
+use crate::mitsuba::Translation;
 use crate::pane::Tessellation;
 use crate::ply::PlyMesh;
-use crate::{mitsuba, scene_file, texture};
+use crate::source::Source;
+use crate::texture::Pictures;
+use crate::{mitsuba, scene_file};
 
 /// Geometry moves to the origin where it lies further away than this many times its radius. Single precision then loses
 /// more than two bits by the distance alone.
 const FAR: f64 = 4.0;
-
-/// A scene that is exported.
-#[derive(Clone, Copy, Debug)]
-pub struct Source<'a> {
-    /// Its name.
-    pub name: &'a str,
-    /// Its things.
-    pub parts: SceneParts<'a>,
-    /// The files that it names.
-    pub assets: &'a Assets,
-    /// What was built of them.
-    pub scene: &'a Scene,
-    /// Largest number of vertices between camera and light.
-    pub max_depth: u32,
-    /// The light path expression to which it is restricted.
-    pub path_filter: Option<&'a str>,
-}
 
 /// How a scene is exported.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,8 +34,8 @@ pub struct Export<'a> {
     scene: &'a Scene,
     contents: Contents,
     tessellations: Vec<Tessellation>,
-    /// Names and bytes.
-    textures: Vec<(String, Vec<u8>)>,
+    pictures: Pictures,
+    translation: Translation,
 }
 
 /// What has been written.
@@ -71,20 +56,19 @@ impl<'a> Export<'a> {
     pub fn new(source: &Source<'a>, settings: &ExportSettings) -> Result<Self, ExportError> {
         let Source { parts, scene, .. } = *source;
         let origin = origin(scene);
-        let unknown = |place: String, kind: &str, thing| ExportError::Kind { place, kind: kind.to_owned(), thing };
-        let camera = parts.camera.model().ok_or_else(|| unknown("camera".to_owned(), "a camera", "camera"))?;
-        let mut lights = Vec::new();
-        for (index, light) in parts.lights.iter().enumerate() {
-            let model =
-                light.model().ok_or_else(|| unknown(format!("lights[{index}]"), light.kind(), "kind of light"))?;
-            lights.push(Light { name: light.name().to_owned(), model: model.seen_from(origin) });
-        }
-        let (materials, textures) = materials(source)?;
+        let camera = parts.camera.model();
+        let mut pictures = Pictures::default();
+        let (lights, left_out) = lights(source, origin, &mut pictures)?;
+        let (materials, approximations) = materials(source, &mut pictures)?;
         let meshes = parts.meshes.iter().enumerate().map(|(index, mesh)| Mesh {
             name: mesh.name.clone(),
             file: format!("meshes/{}.ply", file_name(index, &mesh.name)),
             material: mesh.material.clone(),
             normals: has_normals(scene, index),
+            coordinates: materials
+                .iter()
+                .find(|material| material.name == mesh.material)
+                .map_or(0, |material| material.coordinates),
         });
         let meshes: Vec<Mesh> = meshes.collect();
         let mut tessellations = Vec::new();
@@ -113,16 +97,18 @@ impl<'a> Export<'a> {
             meshes,
             panes,
             notes: Vec::new(),
+            mitsuba_approximations: [left_out, approximations].concat(),
             ball: ball(scene, camera.position.into(), origin),
         };
         contents.notes = notes(source, &contents);
-        mitsuba::check(&contents)?;
-        Ok(Self { scene, contents, tessellations, textures })
+        let translation = mitsuba::translate(&contents, &mut pictures)?;
+        contents.mitsuba_approximations.extend(translation.approximations.iter().cloned());
+        Ok(Self { scene, contents, tessellations, pictures, translation })
     }
 
-    /// What others render in another way, in sentences.
-    pub fn notes(&self) -> &[String] {
-        &self.contents.notes
+    /// What others render in another way, and what they have no twin for, in sentences.
+    pub fn notes(&self) -> Vec<String> {
+        [self.contents.notes.clone(), sentences(&self.contents.mitsuba_approximations)].concat()
     }
 
     /// Gives each file to `write`, by its name relative to a folder.
@@ -139,54 +125,45 @@ impl<'a> Export<'a> {
             write(name, &mesh.encode())
         };
         for (index, described) in self.contents.meshes.iter().enumerate() {
-            write_mesh(&described.file, &mesh(self.scene, index, origin))?;
+            write_mesh(&described.file, &mesh(self.scene, index, described.coordinates, origin))?;
         }
         let tessellated = self.scene.panes().iter().zip(&self.tessellations);
         for (described, (pane, tessellation)) in self.contents.panes.iter().zip(tessellated) {
             write_mesh(&described.faces, &tessellation.faces(pane, origin))?;
             write_mesh(&described.edge, &tessellation.edge(pane, origin))?;
         }
-        for (name, bytes) in &self.textures {
+        for (name, bytes) in &self.pictures.files {
             write(name, bytes)?;
         }
         write("scene.json", scene_file::text(&self.contents).as_bytes())?;
-        write("scene.xml", mitsuba::text(&self.contents).as_bytes())?;
+        write("scene.xml", self.translation.text.as_bytes())?;
         Ok(written)
     }
 }
 
-/// Names and bytes of files.
-type Files = Vec<(String, Vec<u8>)>;
-
-/// The materials that meshes have, and the files of their pictures.
-fn materials(source: &Source<'_>) -> Result<(Vec<Material>, Files), ExportError> {
-    let bitmaps = decode_textures(source.parts, source.assets)?;
-    let mut known: Vec<(Arc<Bitmap>, String)> = Vec::new();
-    let mut textures = Vec::new();
-    let mut materials = Vec::new();
-    for (index, (name, material)) in source.parts.materials.iter().enumerate() {
-        if !source.parts.meshes.iter().any(|mesh| mesh.material == *name) {
+/// The lights, and those that no model describes.
+fn lights(
+    source: &Source<'_>,
+    origin: DVec3,
+    pictures: &mut Pictures,
+) -> Result<(Vec<Light>, Vec<Approximation>), ExportError> {
+    let mut lights = Vec::new();
+    let mut left_out = Vec::new();
+    for light in source.parts.lights {
+        let Some(mut model) = light.model() else {
+            let place = format!("lights[{}]", light.name());
+            left_out.push(Approximation { place, by: "darkness", difference: "no model describes this kind of light" });
             continue;
-        }
-        let model = material.model(&bitmaps).ok_or_else(|| ExportError::Kind {
-            place: format!("materials.{name}"),
-            kind: material.kind().to_owned(),
-            thing: "kind of material",
-        })?;
-        let mut file_of = |bitmap: Arc<Bitmap>| -> Result<String, ExportError> {
-            if let Some((_, file)) = known.iter().find(|(other, _)| Arc::ptr_eq(other, &bitmap)) {
-                return Ok(file.clone());
-            }
-            let (bytes, ending) = texture::encode(&bitmap)?;
-            let file = format!("textures/{:04}.{ending}", textures.len());
-            textures.push((file.clone(), bytes));
-            known.push((bitmap, file.clone()));
-            Ok(file)
         };
-        let model = model.try_map_pictures(&mut file_of)?;
-        materials.push(Material { name: name.clone(), id: file_name(index, name), model });
+        let mut picture = None;
+        if let LightModel::Environment { radiance: RadianceModel::Picture { file, .. } } = &mut model {
+            let decoded = decode_radiance(source.assets, file)?;
+            *file = pictures.radiance(&decoded)?;
+            picture = Some(decoded);
+        }
+        lights.push(Light { name: light.name().to_owned(), model: model.seen_from(origin), picture });
     }
-    Ok((materials, textures))
+    Ok((lights, left_out))
 }
 
 /// The point that becomes the origin: that of the scene, or a round one in the middle of what lies far from it.
@@ -218,7 +195,12 @@ fn notes(source: &Source<'_>, contents: &Contents) -> Vec<String> {
     if let Some(filter) = source.path_filter {
         notes.push(format!("the path filter \"{filter}\" is left out: others render all paths"));
     }
-    let is_glass = |material: &Material| matches!(material.model, SurfaceModel::Dielectric { .. });
+    let is_glass = |material: &Material| {
+        matches!(
+            material.model,
+            SurfaceModel::Dielectric { .. } | SurfaceModel::RoughDielectric { .. } | SurfaceModel::ThinSheet { .. }
+        )
+    };
     if !contents.panes.is_empty() || contents.materials.iter().any(is_glass) {
         notes.push(
             "path tracers find light through glass by chance: small lights make noise, and point lights nothing"
@@ -230,6 +212,14 @@ fn notes(source: &Source<'_>, contents: &Contents) -> Vec<String> {
             "Mitsuba moves rays off surfaces by about 0.1 mm: thin coloured glass absorbs some percent less there"
                 .to_owned(),
         );
+    }
+    let is_soft = |mesh: &&Mesh| {
+        let material = contents.materials.iter().find(|material| material.name == mesh.material);
+        let is_soft = |model| matches!(model, &SurfaceModel::Metal { .. } | &SurfaceModel::Coated { .. });
+        mesh.normals && material.is_some_and(|material| is_soft(&material.model))
+    };
+    if contents.meshes.iter().any(|mesh| is_soft(&mesh)) {
+        notes.push("rounded meshes show their triangles in grazing light: others have no soft terminator".to_owned());
     }
     notes
 }

@@ -8,20 +8,22 @@
 //! ```
 //!
 //! [`Export`] collects what a scene has, by the [models](clerestory_render_core::exchange) that its things give of
-//! themselves. What no model describes is an error that names it. What others render in another way is a note.
+//! themselves. What others render in another way is a note, and so is what they have no twin for.
 
+mod approximation;
 mod contents;
 mod error;
 mod export;
 mod file_name;
-mod light_frame;
+mod materials;
 mod mesh;
 mod mitsuba;
 mod pane;
 mod ply;
 mod scene_file;
+mod source;
 mod texture;
-mod xml;
 
 pub use error::ExportError;
-pub use export::{Export, ExportSettings, Source, Written};
+pub use export::{Export, ExportSettings, Written};
+pub use source::Source;

@@ -5,16 +5,16 @@ use glam::DVec3;
 
 use crate::ply::{Corner, PlyMesh};
 
-/// Mesh `index` of a scene, seen from an origin.
-pub(crate) fn mesh(scene: &Scene, index: usize, origin: DVec3) -> PlyMesh {
+/// Mesh `index` of a scene, seen from an origin, with one of two sets of texture coordinates.
+pub(crate) fn mesh(scene: &Scene, index: usize, set: usize, origin: DVec3) -> PlyMesh {
     let surface = &scene.meshes()[index];
     let first = surface.triangle_range().start;
     let has_normals = has_normals(scene, index);
-    let mut mesh = PlyMesh::new(has_normals, surface.corner_texture_coordinates(first).is_some());
+    let mut mesh = PlyMesh::new(has_normals, surface.corner_texture_coordinates(first, set).is_some());
     for triangle in surface.triangle_range() {
         let positions = scene.accelerator().corners(triangle);
         let normals = surface.corner_normals(triangle);
-        let texture = surface.corner_texture_coordinates(triangle);
+        let texture = surface.corner_texture_coordinates(triangle, set);
         mesh.add([0, 1, 2].map(|corner| Corner {
             position: positions[corner] - origin,
             normal: normals.map(|normals| normals[corner]),

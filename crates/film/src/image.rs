@@ -45,6 +45,12 @@ pub struct ImageMetadata {
     /// Which method `auto` has chosen for which light, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub chosen_methods: Vec<String>,
+    /// What is in imported files and not in the scene, or differs, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub import_notes: Vec<String>,
+    /// What was assumed for a file of another program that was rendered without a scene file, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub assumptions: Vec<String>,
     /// What was done.
     pub counters: Counters,
     /// Time that it took, seconds.
@@ -222,6 +228,8 @@ pub(super) mod tests {
             missing_light: vec!["light \u{201c}key\u{201d}: reflections inside the pane".to_owned()],
             left_to_chance: vec!["light of the small light \"sun\" that a pane reflects".to_owned()],
             chosen_methods: vec!["cone finds light of \"sun\" through panes".to_owned()],
+            import_notes: vec!["hall.glb: animations are left out (1)".to_owned()],
+            assumptions: vec!["The file has no light".to_owned()],
             counters: Counters { rays: 12, ..Counters::default() },
             elapsed_seconds: Some(0.1),
         }

@@ -17,6 +17,8 @@ pub struct Provenance<'a> {
     pub counters: Counters,
     /// How long it took, where that is known.
     pub elapsed: Option<Duration>,
+    /// What was assumed for a file of another program, in words.
+    pub assumptions: &'a [String],
 }
 
 /// The image that these sums make, with how it was made.
@@ -45,6 +47,8 @@ pub fn image(
         missing_light: description.missing_light(),
         left_to_chance: scene.left_to_chance(),
         chosen_methods: scene.chosen_methods(),
+        import_notes: scene.import_notes().to_vec(),
+        assumptions: provenance.assumptions.to_vec(),
         counters: provenance.counters,
         elapsed_seconds: provenance.elapsed.map(|elapsed| elapsed.as_secs_f64()),
     };

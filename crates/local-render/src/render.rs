@@ -149,7 +149,7 @@ mod tests {
         let outcome = render(scene, &plan, &control, |_| ControlFlow::Continue(())).unwrap();
         assert!(outcome.is_complete);
         assert_eq!(control.planned.into_inner(), outcome.counters.samples + outcome.pilot.samples);
-        let provenance = Provenance { build: "test", counters: outcome.counters, elapsed: None };
+        let provenance = Provenance { build: "test", counters: outcome.counters, elapsed: None, assumptions: &[] };
         let image = image(scene, &plan, &outcome.sums, &provenance).unwrap();
         let numbers: Vec<f64> = image.layers().mean.as_flattened().iter().map(|number| f64::from(*number)).collect();
         (mean(&numbers), image.metadata().unwrap().tile_passes.clone())

@@ -318,7 +318,11 @@ fn bundle(
 /// Builds a scene, and makes the report on it.
 fn build(bundle: &SceneBundle) -> Result<(PreparedScene, BuiltScene), SceneError> {
     let scene = PreparedScene::build(bundle)?;
-    let built = BuiltScene { left_to_chance: scene.left_to_chance(), chosen_methods: scene.chosen_methods() };
+    let built = BuiltScene {
+        left_to_chance: scene.left_to_chance(),
+        chosen_methods: scene.chosen_methods(),
+        import_notes: scene.import_notes().to_vec(),
+    };
     Ok((scene, built))
 }
 

@@ -115,6 +115,7 @@ impl<'a> Supply<'a> {
                 target_mse: None,
                 target_estimated_mse: None,
                 adaptive: false,
+                assumptions: Vec::new(),
             };
             let job = self.client.submit_job(&submission).await?;
             self.jobs.insert(job.id, 0);

@@ -206,7 +206,9 @@ impl<'a> Points<'a> {
     /// One estimate of the irradiance of a light, as the red channel.
     fn irradiance(&self, point: usize, light: u32, random: DVec2) -> f64 {
         let (position, normal, ray_origin) = self.points[point];
-        let Some(sample) = self.scene.lights()[light as usize].sample_li(position, random) else { return 0.0 };
+        let Some(sample) = self.scene.lights()[light as usize].sample_li(&Receiver::anywhere(position), random) else {
+            return 0.0;
+        };
         let cosine = normal.dot(sample.direction);
         let ray = Ray::new(position, sample.direction);
         let counters = &mut Counters::default();

@@ -1,7 +1,15 @@
 //! Scenes that both renderers can render: every light, material and camera that is exported.
 //!
-//! What models differ in is left out by construction. Light of points through glass is found by us alone. Mitsuba moves
-//! rays off surfaces by some 0.1 mm, which shortens their way. So the pane is large and thick, and absorbs little.
+//! What models differ in is left out by construction:
+//!
+//! - Light of points through glass is found by us alone: lights behind glass are large.
+//! - Mitsuba moves rays off surfaces, here by up to 0.4 mm. The light behind the pane is nearer by that, and the way in
+//!   the glass shorter, so its picture is brighter by some 0.04 percent. The pane is large and thick, and absorbs
+//!   little.
+//! - Facets that shade each other, and light that several of them reflect: rough surfaces are not very rough.
+//! - Spots dim in another way there: the one here is sharp.
+//! - Mitsuba has no coat that is like ours: surfaces are matt or metal.
+//! - Terminators of rounded meshes are soft here: meshes are flat.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -10,10 +18,12 @@ use clerestory_film::{FrameImage, ImageLayers};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::Asset;
-use image::{ImageBuffer, ImageFormat, Rgb};
+use image::{ImageBuffer, ImageFormat, Rgb, Rgba};
 use serde_json::{Value, json};
 
+use super::interior::interior;
 use super::mitsuba::Fault;
+use super::shapes::{block, box_meshes, camera, ceiling_light, grey, paints, quad, room};
 
 /// A scene, and how much of it is rendered.
 #[derive(Clone, Debug)]
@@ -59,15 +69,23 @@ impl ParityScene {
             pane("cone"),
             orthographic(),
             sun(),
+            metals(),
+            rough_glass(),
+            window(),
+            sky(),
+            overcast(),
+            interior(),
+            cut_out(),
+            relief(),
         ]
     }
 
     /// Those that are enough to see that export works, and that a fault is noticed.
     pub fn few() -> Vec<Self> {
-        vec![furnace(), textures(), pane("cone")]
+        vec![furnace(), textures(), pane("cone"), metals(), sky()]
     }
 
-    fn new(name: &'static str, camera: Value, things: &Value) -> Self {
+    pub(super) fn new(name: &'static str, camera: Value, things: &Value) -> Self {
         let mut description = json!({
             "version": 2, "name": name, "film": {"width": 1, "height": 1}, "camera": camera,
             "integrator": {"path": {"max_depth": 8}},
@@ -127,28 +145,6 @@ fn furnace() -> ParityScene {
     scene
 }
 
-/// The materials of the box.
-fn paints() -> Value {
-    json!({
-        "white": {"diffuse": {"reflectance": {"colour": [0.73, 0.7, 0.65]}}},
-        "red": {"diffuse": {"reflectance": {"colour": [0.63, 0.06, 0.05]}}},
-        "green": {"diffuse": {"reflectance": {"colour": [0.14, 0.45, 0.09]}}}
-    })
-}
-
-/// A box with coloured walls and two blocks.
-fn box_meshes() -> Vec<Value> {
-    let mut meshes = room(["white", "white", "red", "green", "white", "white"]);
-    meshes.push(block("tall", "white", [0.3, 0.3, 0.0], [0.25, 0.25, 1.1], 20.0));
-    meshes.push(block("short", "white", [-0.4, -0.1, 0.0], [0.3, 0.25, 0.5], -15.0));
-    meshes
-}
-
-fn ceiling_light(edge: f64) -> Value {
-    json!({"rectangle": {"name": "panel", "centre": [0, 0, 1.98], "edge_u": [0, edge, 0], "edge_v": [edge, 0, 0],
-        "radiance": [10, 9, 7]}})
-}
-
 fn cornell_box() -> ParityScene {
     let things = json!({"materials": paints(), "meshes": box_meshes(), "lights": [ceiling_light(0.6)]});
     ParityScene::new("box", camera(), &things)
@@ -158,8 +154,10 @@ fn cornell_box() -> ParityScene {
 fn lamps() -> ParityScene {
     let lights = json!([
         {"sphere": {"name": "globe", "centre": [-0.5, 0.4, 1.5], "radius": 0.15, "radiance": [12, 8, 4]}},
-        {"disk": {"name": "spot", "centre": [0.2, 0.98, 1.5], "normal": [0, -1, 0], "radius": 0.3,
+        {"disk": {"name": "downlight", "centre": [0.2, 0.98, 1.5], "normal": [0, -1, 0], "radius": 0.3,
             "radiance": [2, 4, 8]}},
+        {"spot": {"name": "sharp", "position": [-0.6, -0.7, 1.9], "direction": [0.5, 0.7, -1],
+            "intensity": [1.2, 0.9, 1.5], "inner_angle": 25, "outer_angle": 25}},
         {"point": {"name": "bulb", "position": [0.6, -0.5, 1.4], "intensity": [0.5, 0.6, 0.4]}},
         ceiling_light(0.3)
     ]);
@@ -173,7 +171,8 @@ fn textures() -> ParityScene {
     let mut things = json!({"materials": paints(), "meshes": room(["tiles", "white", "red", "green", "mural", "white"]),
         "lights": [ceiling_light(1.0)]});
     things["materials"]["tiles"] = textured("tiles.png");
-    things["materials"]["mural"] = textured("mural.exr");
+    things["materials"]["mural"] = json!({"diffuse": {"reflectance": {"texture": {"file": "mural.exr",
+        "wrap": ["clamp", "clamp"], "transform": [[1.1, 0.5, -0.2], [-0.3, 0.9, 0.3]], "factor": [1, 0.8, 0.6]}}}});
     things["meshes"][0]["source"]["inline"]["texture_coordinates"] =
         json!([[0.1, 0.2], [2.6, 0.2], [2.6, 2.9], [0.1, 2.9]]);
     things["meshes"][4]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1, 0], [1, 1], [0, 1]]);
@@ -181,15 +180,11 @@ fn textures() -> ParityScene {
     let tile = |x: u32, y: u32| {
         Rgb([(40 + 50 * x) as u8, (230 - 60 * y) as u8, if (x, y) == (0, 0) { 250 } else { (30 * (x + y)) as u8 }])
     };
-    let mut png = Cursor::new(Vec::new());
-    ImageBuffer::from_fn(4, 3, tile).write_to(&mut png, ImageFormat::Png).expect("a PNG");
-    let mural = (0..15_u8).map(|index| {
-        let (x, y) = (f32::from(index % 5) / 5.0, f32::from(index / 5) / 3.0);
+    let mural = |index: usize| {
+        let (x, y) = ((index % 5) as f32 / 5.0, (index / 5) as f32 / 3.0);
         [0.1 + 0.8 * x, 0.9 - 0.7 * y, 0.5 * x * y + 0.05]
-    });
-    let layers = ImageLayers { mean: mural.collect(), ..ImageLayers::default() };
-    let mural = FrameImage::new(5, 3, layers, None).expect("a picture").encode().expect("an EXR file");
-    scene.files = vec![("tiles.png".to_owned(), png.into_inner()), ("mural.exr".to_owned(), mural)];
+    };
+    scene.files = vec![("tiles.png".to_owned(), png(4, 3, tile)), ("mural.exr".to_owned(), exr(5, 3, mural))];
     scene
 }
 
@@ -262,46 +257,141 @@ fn sun() -> ParityScene {
     ParityScene::new("sun", camera(), &things)
 }
 
-/// A camera inside the room that looks along y.
-fn camera() -> Value {
-    json!({"perspective":
-        {"position": [0.05, -0.95, 1.1], "look_at": [0, 1, 0.9], "up": [0, 0, 1], "vertical_field_of_view": 65}})
+/// Metals, polished and rough, one of them only in the squares of a picture.
+fn metals() -> ParityScene {
+    let mut things = json!({"materials": paints(), "meshes": room(["white", "white", "red", "green", "sheet", "white"]),
+        "lights": [ceiling_light(1.2)]});
+    let picture = |file: &str| json!({"file": file, "filter": "nearest", "wrap": ["mirror", "mirror"]});
+    let materials = &mut things["materials"];
+    materials["copper"] = json!({"conductor": {"reflectance": {"colour": [0.93, 0.6, 0.45]}, "roughness": 0.1}});
+    materials["chrome"] = json!({"conductor": {"reflectance": {"colour": [1, 1, 1]}, "roughness": 0}});
+    materials["sheet"] = json!({"metallic_roughness": {
+        "base_colour": {"colour": [0.8, 0.5, 0.3]}, "roughness": 0.1, "specular": 0,
+        "metallic": {"texture": picture("squares.png"), "channel": "blue"}}});
+    let meshes = things["meshes"].as_array_mut().expect("meshes");
+    meshes[4]["source"]["inline"]["texture_coordinates"] = json!([[0.2, -0.5], [2.2, -0.5], [2.2, 1.5], [0.2, 1.5]]);
+    meshes.push(block("tall", "copper", [0.35, 0.3, 0.0], [0.25, 0.25, 1.1], 20.0));
+    meshes.push(block("short", "chrome", [-0.4, 0.1, 0.0], [0.3, 0.25, 0.5], -15.0));
+    let square = |x: u32, y: u32| Rgb([90, 20, if (x + y).is_multiple_of(2) { 255 } else { 51 * (x as u8 % 3) }]);
+    let files = vec![("squares.png".to_owned(), png(4, 3, square))];
+    ParityScene { files, samples: 64, our_samples: 64, ..ParityScene::new("metals", camera(), &things) }
 }
 
-fn grey(reflectance: f64) -> Value {
-    json!({"diffuse": {"reflectance": {"colour": [reflectance, reflectance, reflectance]}}})
+/// A block of frosted glass below a large light.
+fn rough_glass() -> ParityScene {
+    let mut things = json!({"materials": paints(), "meshes": room(["white", "white", "red", "green", "white", "white"]),
+        "lights": [ceiling_light(1.8)]});
+    things["materials"]["frosted"] = json!({"rough_dielectric": {"index_of_refraction": 1.5, "roughness": 0.15}});
+    let meshes = things["meshes"].as_array_mut().expect("meshes");
+    meshes.push(block("block", "frosted", [0.1, 0.1, 0.4], [0.4, 0.3, 0.4], 25.0));
+    let mut scene = ParityScene { samples: 64, our_samples: 64, ..ParityScene::new("rough glass", camera(), &things) };
+    scene.description["integrator"]["path"]["max_depth"] = json!(16);
+    scene
 }
 
-/// Six walls around [-1, 1] x [-1, 1] x [0, 2]: floor, ceiling, left, right, back and front.
-fn room(materials: [&str; 6]) -> Vec<Value> {
-    let [floor, ceiling, left, right, back, front] = materials;
-    let [x, y, z] = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
-    vec![
-        quad("floor", floor, [-1.0, -1.0, 0.0], x, y),
-        quad("ceiling", ceiling, [-1.0, -1.0, 2.0], y, x),
-        quad("left", left, [-1.0, -1.0, 0.0], y, z),
-        quad("right", right, [1.0, -1.0, 0.0], z, y),
-        quad("back", back, [-1.0, 1.0, 0.0], x, z),
-        quad("front", front, [-1.0, -1.0, 0.0], z, x),
-    ]
+/// Sheets of tinted glass below a large light.
+fn window() -> ParityScene {
+    let mut things = json!({"materials": paints(), "meshes": room(["white", "white", "red", "green", "white", "white"]),
+        "lights": [ceiling_light(1.9)]});
+    things["materials"]["clear"] = json!({"thin_wall": {"index_of_refraction": 1.5}});
+    things["materials"]["amber"] = json!({"thin_wall": {"tint": {"colour": [0.9, 0.6, 0.2]}}});
+    let meshes = things["meshes"].as_array_mut().expect("meshes");
+    meshes.push(quad("clear", "clear", [-0.9, -0.2, 0.9], [1.5, 0.3, 0.0], [0.0, 0.6, 0.5]));
+    meshes.push(quad("amber", "amber", [-0.3, 0.1, 0.4], [1.2, -0.2, 0.3], [0.0, 0.7, 0.1]));
+    ParityScene { samples: 64, our_samples: 64, ..ParityScene::new("window", camera(), &things) }
 }
 
-/// A parallelogram, counterclockwise along u and v.
-fn quad(name: &str, material: &str, corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Value {
-    let at = |i: f64, j: f64| [0, 1, 2].map(|axis| corner[axis] + i * u[axis] + j * v[axis]);
-    json!({"name": name, "material": material, "source": {"inline": {
-        "positions": [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)],
-        "triangles": [[0, 1, 2], [0, 2, 3]]}}})
-}
-
-/// A block of half the width and depth, and the height, turned about its vertical axis. Its normals point outwards.
-fn block(name: &str, material: &str, foot: [f64; 3], [width, depth, height]: [f64; 3], turn: f64) -> Value {
-    let corner = |index: usize| {
-        let side = |bit: usize| if index >> bit & 1 == 1 { 1.0 } else { -1.0 };
-        [side(0) * width, side(1) * depth, if index >> 2 & 1 == 1 { height } else { 0.0 }]
+/// Blocks on a floor under a picture of all directions, which is turned.
+fn sky() -> ParityScene {
+    let texel = |index: usize| {
+        let (x, y) = ((index % 16) as f32 / 16.0, (index / 16) as f32 / 8.0);
+        let sun = if index == 37 { 40.0 } else { 0.0 };
+        [0.3 + x + sun, 0.8 - 0.5 * y + 0.9 * sun, 0.2 + x * y + 0.6 * sun]
     };
-    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let triangles: Vec<[usize; 3]> = sides.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-    json!({"name": name, "material": material, "rotate": [0, 0, turn], "translate": foot, "source": {"inline": {
-        "positions": (0..8).map(corner).collect::<Vec<_>>(), "triangles": triangles}}})
+    let light = json!({"name": "sky", "radiance": {"picture": {"file": "sky.exr"}}, "scale": 1.5,
+        "rotate": [20, -15, 70]});
+    let mut scene = outdoors("sky", light);
+    scene.files = vec![("sky.exr".to_owned(), exr(16, 8, texel))];
+    scene
+}
+
+/// The same under an even sky.
+fn overcast() -> ParityScene {
+    outdoors("overcast", json!({"name": "sky", "radiance": {"colour": [0.9, 1, 1.2]}}))
+}
+
+fn outdoors(name: &'static str, environment: Value) -> ParityScene {
+    let mut meshes = vec![quad("floor", "white", [-2.0, -2.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0])];
+    meshes.push(block("tall", "red", [0.3, 0.3, 0.0], [0.25, 0.25, 1.1], 20.0));
+    meshes.push(block("short", "green", [-0.4, -0.1, 0.0], [0.3, 0.25, 0.5], -15.0));
+    let things = json!({"materials": paints(), "meshes": meshes, "lights": [{"environment": environment}]});
+    ParityScene::new(name, camera(), &things)
+}
+
+/// A matt material of glTF in the form of scene files, with other members.
+fn matt(members: &Value) -> Value {
+    let mut settings = json!({"metallic": 0, "specular": 0, "base_colour": {"colour": [0.7, 0.6, 0.5]},
+        "soft_terminator": false});
+    settings.as_object_mut().expect("members").extend(members.as_object().expect("members").clone());
+    json!({"metallic_roughness": settings})
+}
+
+/// A screen with holes, and one that is half there, below a large light.
+fn cut_out() -> ParityScene {
+    let mut things = json!({"materials": paints(), "meshes": room(["white", "white", "red", "green", "white", "white"]),
+        "lights": [ceiling_light(0.8)]});
+    let holes = json!({"texture": {"file": "holes.png", "filter": "nearest"}, "channel": "alpha"});
+    things["materials"]["screen"] = matt(&json!({"opacity": holes, "opacity_threshold": 0.5}));
+    things["materials"]["veil"] = matt(&json!({"opacity": 0.35}));
+    let meshes = things["meshes"].as_array_mut().expect("meshes");
+    let mut screen = quad("screen", "screen", [-0.9, 0.1, 0.5], [1.6, 0.2, 0.0], [0.0, 0.5, 0.6]);
+    screen["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [2, 0], [2, 1.5], [0, 1.5]]);
+    meshes.push(screen);
+    meshes.push(quad("veil", "veil", [-0.3, -0.2, 0.2], [1.0, 0.3, 0.1], [0.0, 0.4, 0.9]));
+    let mut scene = ParityScene::new("cut out", camera(), &things);
+    let picture = ImageBuffer::from_fn(4, 3, |x, y| Rgba([0, 0, 0, if (x + 2 * y) % 3 == 0 { 40 } else { 220_u8 }]));
+    let mut png = Cursor::new(Vec::new());
+    picture.write_to(&mut png, ImageFormat::Png).expect("a PNG");
+    scene.files = vec![("holes.png".to_owned(), png.into_inner())];
+    scene.fault = Some(Fault {
+        name: "a veil that is more there",
+        text: "<float name=\"opacity\" value=\"0.35\"/>",
+        fault: "<float name=\"opacity\" value=\"0.37\"/>",
+    });
+    (scene.samples, scene.our_samples) = (64, 64);
+    scene
+}
+
+/// Walls with a normal map, of which direct light is seen: where normals lean away from the viewer, renderers differ.
+fn relief() -> ParityScene {
+    let mut things = json!({"materials": paints(), "meshes": room(["brick", "white", "red", "green", "brick", "white"]),
+        "lights": [ceiling_light(0.8)]});
+    things["materials"]["brick"] = matt(&json!({"normal_map": {"texture": {"file": "relief.png"}}}));
+    for wall in [0, 4] {
+        things["meshes"][wall]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [2, 0], [2, 2], [0, 2]]);
+    }
+    let mut scene = ParityScene::new("relief", camera(), &things);
+    scene.description["integrator"]["path"]["max_depth"] = json!(1);
+    let texel = |x: u32, y: u32| Rgb([(98 + 20 * x) as u8, (158 - 30 * y) as u8, 240]);
+    scene.files = vec![("relief.png".to_owned(), png(4, 3, texel))];
+    scene.fault = Some(Fault {
+        name: "a normal map that is mirrored instead of repeated",
+        text: "<string name=\"wrap_mode\" value=\"repeat\"/>",
+        fault: "<string name=\"wrap_mode\" value=\"mirror\"/>",
+    });
+    scene
+}
+
+/// The bytes of a picture of 8 bits.
+pub(super) fn png(width: u32, height: u32, texel: impl Fn(u32, u32) -> Rgb<u8>) -> Vec<u8> {
+    let mut png = Cursor::new(Vec::new());
+    ImageBuffer::from_fn(width, height, texel).write_to(&mut png, ImageFormat::Png).expect("a PNG");
+    png.into_inner()
+}
+
+/// The bytes of a picture of floats.
+fn exr(width: u32, height: u32, texel: impl Fn(usize) -> [f32; 3]) -> Vec<u8> {
+    let mean = (0..(width * height) as usize).map(texel).collect();
+    let layers = ImageLayers { mean, ..ImageLayers::default() };
+    FrameImage::new(width, height, layers, None).expect("a picture").encode().expect("an EXR file")
 }

@@ -189,6 +189,23 @@ async fn a_job_that_its_target_ends_shows_the_target_and_why_it_ended() {
 }
 
 #[tokio::test]
+async fn a_job_lists_what_was_assumed_for_a_file_and_what_is_left_out_of_it() {
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("nave");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("wall.obj");
+    std::fs::write(&file, "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl <i>moss</i>\nf 1 2 3\n").unwrap();
+    let job = farm.submit(&file, &["--size", "16x16", "--spp", "16", "--wait"]);
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows("section[aria-labelledby=assumed-heading] li", "The file has no lamp and no sun").await;
+    let notes = "section[aria-labelledby=imports-heading]";
+    browser.shows(&format!("{notes} li"), "material <i>moss</i> is not described").await;
+    let marked = format!("return document.querySelector('{notes} i')");
+    assert_eq!(browser.script(&marked).await, Value::Null, "names in files are text");
+    assert_eq!(browser.complaints().await, [""; 0]);
+}
+
+#[tokio::test]
 async fn exposure_makes_the_frame_brighter() {
     let mut farm = Farm::start(None, &[]);
     farm.start_worker("nave");

@@ -222,6 +222,7 @@ fn nothing_is_acknowledged_while(fails: fn(&Faults, bool)) {
         target_mse: None,
         target_estimated_mse: None,
         adaptive: false,
+        assumptions: Vec::new(),
     };
     let registration = WorkerRegistration {
         name: "late".to_owned(),

@@ -5,6 +5,7 @@ mod bad_input;
 mod chaos;
 mod durability;
 mod farm;
+mod fuzz;
 mod large_frames;
 mod load;
 mod readiness;

@@ -24,7 +24,7 @@ use crate::output::{print_json, print_line};
 use crate::preflight::Preflight;
 use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
-use crate::scene_overrides::{SamplingOverrides, SceneOverrides, Size};
+use crate::scene_overrides::{LoadedScene, SamplingOverrides, SceneOverrides, Size};
 use crate::shutdown::{self, Parent};
 use crate::submission::{JobSettings, reference_asset, submit};
 use crate::text::{counted, duration_text};
@@ -87,7 +87,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
         limits.spp = Some(SAMPLES_PER_PIXEL);
         limits.time = Some(TIME_LIMIT);
     }
-    let bundle = arguments.overrides.load(&scene, SamplingOverrides::default())?;
+    let LoadedScene { bundle, assumptions } = arguments.overrides.load(&scene, SamplingOverrides::default())?;
     let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
     let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;
@@ -110,6 +110,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
         tile_size: 32,
         priority: 0,
         reference: reference_asset(reference.as_deref(), &bundle)?,
+        assumptions,
     };
 
     let data = new_folder(&arguments.output)?;

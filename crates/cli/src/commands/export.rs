@@ -13,7 +13,7 @@ use crate::failure::Failure;
 use crate::output::print_line;
 use crate::output_file::{create_folder, write};
 use crate::progress::Progress;
-use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
+use crate::scene_overrides::{LoadedScene, SamplingOverrides, SceneOverrides};
 use crate::text::counted;
 
 /// Options of `clerestory export`.
@@ -44,7 +44,7 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<(), Failure> {
     let ExportArguments { to: Program::Mitsuba, scene: file, folder, tolerance, overrides } = arguments;
     check_folder(folder)?;
     let activity = Activity::begin("Reading the scene and its files");
-    let bundle = overrides.load(file, SamplingOverrides::default())?;
+    let LoadedScene { bundle, .. } = overrides.load(file, SamplingOverrides::default())?;
     let prepared = activity.build(&bundle).map_err(|source| Failure::scene(file, source))?;
     // With the things of imports among its own.
     let description: &SceneDescription = prepared.description();
@@ -68,6 +68,7 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<(), Failure> {
         write(&place, bytes)
     })?;
     activity.done("The scene is exported");
+    Progress::new().import_notes(prepared.import_notes());
     for note in export.notes() {
         Progress::new().note(&format!("Note: {note}"));
     }

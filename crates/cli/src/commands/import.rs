@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clerestory_render_core::document::{ModelScene, is_model, scene_around};
+use clerestory_render_core::scene::MeshSurface;
 use clerestory_render_core::scene::import::Expansion;
 
 use crate::activity::Activity;
@@ -55,10 +56,11 @@ pub(crate) fn run(arguments: &ImportArguments) -> Result<(), Failure> {
     let activity = Activity::begin("Reading the file");
     let model = scene_around(file, &options).map_err(|source| Failure::scene(file, source))?;
     // What is built now needs no second command to show that it cannot be.
-    activity.build(&model.bundle).map_err(|source| Failure::scene(file, source))?;
+    let scene = activity.build(&model.bundle).map_err(|source| Failure::scene(file, source))?;
     activity.done("The scene is ready");
     write(&output, format!("{}\n", scene_text(model.bundle.description())).as_bytes())?;
-    report(&model, &output)
+    let count = |mesh: &MeshSurface| u64::from(mesh.triangles()) + u64::from(mesh.omitted_triangles());
+    report(&model, scene.scene().meshes().iter().map(count).sum(), &output)
 }
 
 /// A scene file names files of its own folder alone.
@@ -77,10 +79,10 @@ fn check_folder(file: &Path, output: &Path) -> Result<(), Failure> {
     )))
 }
 
-fn report(model: &ModelScene, output: &Path) -> Result<(), Failure> {
-    let Expansion { meshes, materials, panes, lights, cameras, notes, unglazed, glazable, .. } = &model.expansion;
+fn report(model: &ModelScene, triangles: u64, output: &Path) -> Result<(), Failure> {
+    let Expansion { meshes, materials, panes, lights, cameras, glazable, .. } = &model.expansion;
     print_line(&format!(
-        "{}: {} meshes, {} materials, {} panes, {} lights and {} cameras of the file",
+        "{}: {} meshes of {triangles} triangles, {} materials, {} panes, {} lights and {} cameras of the file",
         output.display(),
         meshes.len(),
         materials.len(),
@@ -88,11 +90,8 @@ fn report(model: &ModelScene, output: &Path) -> Result<(), Failure> {
         lights.len(),
         cameras.len()
     ))?;
-    for line in notes.iter().chain(&model.assumptions) {
+    for line in model.expansion.remarks().chain(model.assumptions.iter().cloned()) {
         print_line(&format!("- {line}"))?;
-    }
-    for (name, reason) in unglazed {
-        print_line(&format!("- {name} is no pane: {reason}"))?;
     }
     if !glazable.is_empty() {
         print_line("Names worth glazing, with --glaze 'NAME=crown':")?;

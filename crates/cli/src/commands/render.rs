@@ -21,7 +21,7 @@ use crate::preview::PreviewArguments;
 use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
 use crate::render_summary::{PassCounts, Summary};
-use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
+use crate::scene_overrides::{LoadedScene, SamplingOverrides, SceneOverrides};
 use crate::standard_error;
 use crate::threads::ThreadCount;
 
@@ -131,11 +131,12 @@ fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
     let file = &arguments.scene;
     let failure = |source| Failure::scene(file, source);
     let activity = Activity::begin("Reading the scene and its files");
-    let (bundle, tiles) = match &arguments.like {
+    let (LoadedScene { bundle, assumptions }, tiles) = match &arguments.like {
         None => (arguments.overrides.load(file, arguments.sampling)?, None),
         Some(image) => {
-            let Recipe { bundle, tile_size, tile_passes } = like::recipe(file, image)?;
-            (bundle, Some((tile_size, tile_passes)))
+            let LoadedScene { bundle, assumptions } = arguments.overrides.read(file)?;
+            let Recipe { bundle, tile_size, tile_passes } = like::recipe(bundle, file, image)?;
+            (LoadedScene { bundle, assumptions }, Some((tile_size, tile_passes)))
         }
     };
     let scene = activity.build(&bundle).map_err(failure)?;
@@ -168,7 +169,7 @@ fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
     let (time, targets) = (arguments.limits.time, arguments.limits.targets());
     let samples = Some(arguments.limits.samples_per_pixel()).filter(|_| arguments.like.is_none());
     let absence = samples.and_then(|samples| standard_error::absence(sampling, samples));
-    Ok(RenderTask { scene, plan, reference, threads, time, targets, absence })
+    Ok(RenderTask { scene, plan, reference, threads, time, targets, absence, assumptions })
 }
 
 fn default_output(scene: &Path) -> PathBuf {

@@ -19,7 +19,7 @@ use crate::output_file::{check_image_name, check_outputs, png_beside, write_stat
 use crate::preflight::Preflight;
 use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
-use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
+use crate::scene_overrides::{LoadedScene, SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
 use crate::standard_error;
 use crate::submission::{JobSettings, reference_asset, submit};
@@ -83,7 +83,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     // The coordinator checks the reference, which is only sent from here.
     arguments.limits.check_targets(arguments.reference.is_some(), None)?;
     let activity = Activity::begin("Reading the scene and its files");
-    let bundle = arguments.overrides.load(&arguments.scene, arguments.sampling)?;
+    let LoadedScene { bundle, assumptions } = arguments.overrides.load(&arguments.scene, arguments.sampling)?;
     activity.done("The scene is read");
     let settings = JobSettings {
         name: arguments.name,
@@ -94,6 +94,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         tile_size: arguments.tile,
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
+        assumptions,
     };
     // Building may take minutes.
     connection.check().await?;

@@ -11,8 +11,9 @@ use crate::activity::Activity;
 use crate::failure::Failure;
 use crate::numbers::whole;
 use crate::output::print_line;
+use crate::progress::Progress;
 use crate::render_limits::{DEFAULT_SAMPLES_PER_PIXEL, UNREACHABLE_SAMPLES_PER_PIXEL};
-use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
+use crate::scene_overrides::{LoadedScene, SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
 use crate::threads::ThreadCount;
 use crate::viewer::Viewer;
@@ -44,9 +45,10 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
         )));
     }
     let activity = Activity::begin("Reading the scene and its files");
-    let bundle = arguments.overrides.load(&arguments.scene, SamplingOverrides::default())?;
+    let LoadedScene { bundle, .. } = arguments.overrides.load(&arguments.scene, SamplingOverrides::default())?;
     let scene = activity.build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
     activity.done("The scene is ready");
+    Progress::new().import_notes(scene.import_notes());
     let threads = arguments.threads.unwrap_or_else(ThreadCount::of_cores).get();
     let pool = ThreadPoolBuilder::new().num_threads(threads.get()).build().map_err(Failure::Threads)?;
     let failure = |source| Failure::Listen { address: arguments.listen.to_string(), source };

@@ -26,7 +26,10 @@ pub(crate) struct WatchArguments {
 
 pub(crate) async fn run(arguments: WatchArguments) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;
-    let job = follow(&connection, arguments.job, &mut Progress::new()).await?;
+    let mut progress = Progress::new();
+    let job = follow(&connection, arguments.job, &mut progress).await?;
+    progress.assumptions(&job.assumptions);
+    progress.import_notes(job.import_notes.as_deref().unwrap_or_default());
     if arguments.json {
         print_json(&job)?;
     } else {

@@ -236,7 +236,8 @@ impl Engine {
             }
             if pass == 0 || pass + 1 == most || shown.elapsed() >= FRAME_PERIOD {
                 let sums = rendered.sums().map_err(Failure::Render)?;
-                let provenance = Provenance { build: BUILD, counters: rendered.counters, elapsed: None };
+                let provenance =
+                    Provenance { build: BUILD, counters: rendered.counters, elapsed: None, assumptions: &[] };
                 let image = local_render::image(&scene, &plan, &sums, &provenance);
                 let settings = PreviewSettings { exposure: Exposure::Automatic, curve: ToneCurve::Filmic };
                 let png = encode_png(&image.map_err(Failure::BadImage)?, &settings).map_err(Failure::Preview)?;

@@ -123,7 +123,7 @@ fn a_texture_is_written_once_and_its_v_is_counted_from_the_top() {
     folder.succeeds(&["export", "--to", "mitsuba", "painted.json", "out"]);
     let exported: Value = serde_json::from_slice(&fs::read(folder.path("out/scene.json")).unwrap()).unwrap();
     for material in exported["materials"].as_array().unwrap() {
-        assert_eq!(material["diffuse"]["reflectance"]["texture"], "textures/0000.png");
+        assert_eq!(material["diffuse"]["reflectance"]["texture"]["file"], "textures/0000.png");
     }
     assert_eq!(fs::read_dir(folder.path("out/textures")).unwrap().count(), 1);
     let mesh = exported["meshes"][0]["file"].as_str().unwrap();
@@ -133,6 +133,87 @@ fn a_texture_is_written_once_and_its_v_is_counted_from_the_top() {
         ply[body..body + 60].chunks(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect();
     assert_eq!(values[..5], [-1.0, -1.0, 0.0, 0.0, 1.0]);
     assert_eq!(values[10..], [1.0, 1.0, 0.0, 1.0, 0.25]);
+}
+
+#[test]
+fn what_mitsuba_has_no_twin_for_is_approximated_and_named() {
+    let folder = Folder::new();
+    let mut scene: Value = serde_json::from_slice(&fs::read(folder.path("scene.json")).unwrap()).unwrap();
+    folder.succeeds(&["render", "scene.json", "--spp", "4", "--png", "-o", "paint.exr"]);
+    let picture = |settings: Value| {
+        let mut picture = json!({"file": "paint.png"});
+        picture.as_object_mut().unwrap().extend(settings.as_object().unwrap().clone());
+        picture
+    };
+    let materials = [
+        (
+            "matt",
+            json!({"metallic_roughness": {"metallic": 0, "specular": 0, "base_colour": {"colour": [0.5, 0.4, 0.3]}}}),
+        ),
+        ("brass", json!({"conductor": {"reflectance": {"colour": [0.9, 0.7, 0.4]}, "roughness": 0.3}})),
+        ("steel", json!({"conductor": {"reflectance": {"colour": [0.6, 0.6, 0.6]}, "roughness": 0.3}})),
+        ("frosted", json!({"rough_dielectric": {"roughness": 0.4}})),
+        ("window", json!({"thin_wall": {"tint": {"colour": [0.9, 0.8, 0.5]}}})),
+        (
+            "varnish",
+            json!({"metallic_roughness": {"metallic": {"texture": picture(json!({})), "channel": "green"},
+            "roughness": 0.4, "base_colour": {"texture": picture(json!({"factor": [1, 0.5, 0.5]}))}}}),
+        ),
+        (
+            "worn",
+            json!({"metallic_roughness": {"metallic": 0,
+            "roughness": {"texture": picture(json!({"wrap": ["clamp", "repeat"],
+                "transform": [[2, 0, 0], [0, 4, 0.5]]}))}}}),
+        ),
+    ];
+    let mesh = scene["meshes"][0].clone();
+    scene["meshes"] = json!([]);
+    for (name, material) in materials {
+        scene["materials"][name] = material;
+        let mut mesh = mesh.clone();
+        mesh["name"] = json!(name);
+        mesh["material"] = json!(name);
+        mesh["translate"] = json!([0, 0, -0.1 * scene["meshes"].as_array().unwrap().len() as f64]);
+        mesh["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1, 0], [1, 0.75], [0, 0.75]]);
+        scene["meshes"].as_array_mut().unwrap().push(mesh);
+    }
+    let spot = |name: &str, inner: f64| {
+        json!({"spot": {"name": name, "position": [0, 0, 2], "direction": [0, 0, -1], "intensity": [1, 1, 1],
+            "inner_angle": inner, "outer_angle": 30}})
+    };
+    scene["lights"] = json!([spot("sharp", 30.0), spot("soft", 10.0),
+        {"environment": {"name": "sky", "radiance": {"picture": {"file": "paint.exr"}}, "rotate": [0, 0, 90]}}]);
+    fs::write(folder.path("all.json"), scene.to_string()).unwrap();
+    let output = folder.run(&["export", "--to", "mitsuba", "all.json", "out"]);
+    let messages = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{messages}");
+    for said in [
+        "materials.brass, materials.steel, materials.varnish are approximated by `principled`: its facets",
+        "materials.frosted is approximated by `roughdielectric`",
+        "materials.varnish, materials.worn are approximated by `principled`: its base",
+        "materials.worn is approximated by one wrap mode",
+        "lights[soft] is approximated by `spot`",
+    ] {
+        assert!(messages.contains(said), "no {said} in {messages}");
+    }
+    assert!(!messages.contains("materials.matt") && !messages.contains("materials.window"), "{messages}");
+    let exported: Value = serde_json::from_slice(&fs::read(folder.path("out/scene.json")).unwrap()).unwrap();
+    let approximations = exported["mitsuba_approximations"].as_array().unwrap();
+    assert!(approximations.iter().any(|one| one["place"] == "lights[soft]" && one["by"] == "`spot`"));
+    assert_eq!(exported["materials"][2]["diffuse"]["reflectance"]["colour"], json!([0.5, 0.4, 0.3]));
+    let xml = fs::read_to_string(folder.path("out/scene.xml")).unwrap();
+    for part in [
+        "<bsdf type=\"thindielectric\"",
+        "<rgb name=\"specular_transmittance\" value=\"0.9, 0.8, 0.5\"/>",
+        "<boolean name=\"raw\" value=\"true\"/>",
+        "<string name=\"wrap_mode\" value=\"clamp\"/>",
+        // 4 v + 0.5 with v from the top.
+        "<matrix value=\"2 0 0 0 0 4 0 -3.5 0 0 1 0 0 0 0 1\"/>",
+        "<emitter type=\"envmap\"",
+        "<float name=\"beam_width\" value=\"30\"/>",
+    ] {
+        assert!(xml.contains(part), "no {part} in {xml}");
+    }
 }
 
 #[test]

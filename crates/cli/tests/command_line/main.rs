@@ -8,6 +8,7 @@ mod demo;
 mod experiments;
 mod export;
 mod failures;
+mod imports;
 mod jobs;
 mod render;
 mod scene;

@@ -148,7 +148,7 @@ impl Frame<'_> {
             Some((scene, _)) => Some(SceneHeader::read(&scene)?),
             None => None,
         };
-        let BuiltScene { left_to_chance, chosen_methods } = job.built_scene.clone().unwrap_or_default();
+        let BuiltScene { left_to_chance, chosen_methods, import_notes } = job.built_scene.clone().unwrap_or_default();
         let elapsed_ms = job.started_ms.zip(job.finished_ms).map(|(started_ms, finished_ms)| finished_ms - started_ms);
         let mut metadata = ImageMetadata {
             scene_hash: job.scene_hash.clone(),
@@ -164,6 +164,8 @@ impl Frame<'_> {
             missing_light: job.missing_light.clone(),
             left_to_chance,
             chosen_methods,
+            import_notes,
+            assumptions: job.assumptions.clone(),
             counters: reading.work.counters,
             elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),
         };

@@ -10,6 +10,7 @@ use clerestory_api::{
     BuildOutcome, CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, LONGEST_FAILURE, LONGEST_REFUSAL,
     Lease, LeaseId, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken, PartialAnswer, ProblemCode, SceneReport,
 };
+use clerestory_render_core::document::{MAX_NOTE_CHARACTERS, MAX_NOTES};
 
 use crate::films::acceptance::Acceptance;
 use crate::http::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
@@ -161,6 +162,15 @@ fn checked(outcome: BuildOutcome) -> Result<BuildOutcome, ApiError> {
                     let expected = format!("at most {MOST_LINES} lines");
                     return Err(ApiError::invalid_field(format!("outcome.built.{name}"), lines.len(), expected));
                 }
+            }
+            let notes = "outcome.built.import_notes";
+            if scene.import_notes.len() > MAX_NOTES {
+                let expected = format!("at most {MAX_NOTES} lines");
+                return Err(ApiError::invalid_field(notes, scene.import_notes.len(), expected));
+            }
+            if let Some(long) = scene.import_notes.iter().find(|note| note.chars().count() > MAX_NOTE_CHARACTERS) {
+                let expected = format!("at most {MAX_NOTE_CHARACTERS} characters in each line");
+                return Err(ApiError::invalid_field(notes, long, expected));
             }
             Ok(BuildOutcome::Built(scene))
         }

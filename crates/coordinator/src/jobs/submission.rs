@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use clerestory_api::{ContentHash, JobId, JobSubmission};
 use clerestory_film::{ImageError, LARGEST_TILE, OpenExrError, Sampling, Targets, TileGrid, smallest_tile};
-use clerestory_render_core::document::{self, SceneBundle, SceneDescription};
+use clerestory_render_core::document::{self, MAX_NOTE_CHARACTERS, MAX_NOTES, SceneBundle, SceneDescription};
 use clerestory_render_core::scene::Asset;
 use uuid::Uuid;
 
@@ -138,6 +138,7 @@ impl Submissions {
             is_read_by_first: is_read_by_first(description.version, description.integrator.kind()),
             is_same_by_first: is_same_by_first(description.lights.len()),
             missing_light: description.missing_light(),
+            assumptions: submission.assumptions,
             grid,
             samples_per_pass: sampling.samples_per_pass,
             samples_per_block: sampling.samples_per_block,
@@ -232,6 +233,14 @@ fn check_numbers(submission: &JobSubmission) -> Result<(), SubmissionError> {
             submission.tile_size,
             format!("1 to {LARGEST_TILE} pixels"),
         ));
+    }
+    if submission.assumptions.len() > MAX_NOTES {
+        let expected = format!("at most {MAX_NOTES} lines");
+        return Err(SubmissionError::invalid_field("assumptions", submission.assumptions.len(), expected));
+    }
+    if let Some(long) = submission.assumptions.iter().find(|line| line.chars().count() > MAX_NOTE_CHARACTERS) {
+        let expected = format!("at most {MAX_NOTE_CHARACTERS} characters in each line");
+        return Err(SubmissionError::invalid_field("assumptions", long, expected));
     }
     if let Some(limit_ms) = submission.time_limit_ms.filter(|limit_ms| !(1..=LONGEST_TIME_MS).contains(limit_ms)) {
         let expected = format!("1 to {LONGEST_TIME_MS} milliseconds");

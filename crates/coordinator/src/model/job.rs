@@ -47,6 +47,8 @@ pub(crate) struct NewJob {
     pub(crate) is_same_by_first: bool,
     /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
+    /// What the submitter assumed for a file of another program.
+    pub(crate) assumptions: Vec<String>,
     /// Size of the image and its tiles.
     pub(crate) grid: TileGrid,
     /// Samples per pixel in a pass.
@@ -94,6 +96,8 @@ pub(crate) struct JobRecord {
     pub(crate) integrator: String,
     /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
+    /// What the submitter assumed for a file of another program.
+    pub(crate) assumptions: Vec<String>,
     /// What a worker that built the scene has reported; `None` until then.
     pub(crate) built_scene: Option<BuiltScene>,
     /// The machine that refused to build the scene, while no other has confirmed it.

@@ -19,8 +19,8 @@ use crate::store::events;
 /// What [`record`] reads.
 pub(in crate::store) const COLUMNS: &str = "\
      id, name, state, stopped_by, failure, failed_node, hold, priority, scene_hash, integrator, missing_light, \
-     scene_is_built, left_to_chance, chosen_methods, scene_refusal, frames, width, height, tile_size, \
-     samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, target_mse, \
+     assumptions, scene_is_built, left_to_chance, chosen_methods, import_notes, scene_refusal, frames, width, height, \
+     tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, target_mse, \
      target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
      cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, redone_nodes, samples, \
      core_ms, counters";
@@ -39,6 +39,7 @@ pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         scene_hash: row.text("scene_hash")?,
         integrator: row.text("integrator")?,
         missing_light: row.json("missing_light")?,
+        assumptions: row.json("assumptions")?,
         built_scene: built_scene(row)?,
         scene_refusal: row.optional_json("scene_refusal")?,
         frames: row.number("frames")?,
@@ -79,8 +80,11 @@ fn built_scene(row: &Row) -> Result<Option<BuiltScene>, StoreError> {
     if row.integer("scene_is_built")? == 0 {
         return Ok(None);
     }
-    let (left_to_chance, chosen_methods) = (row.json("left_to_chance")?, row.json("chosen_methods")?);
-    Ok(Some(BuiltScene { left_to_chance, chosen_methods }))
+    Ok(Some(BuiltScene {
+        left_to_chance: row.json("left_to_chance")?,
+        chosen_methods: row.json("chosen_methods")?,
+        import_notes: row.json("import_notes")?,
+    }))
 }
 
 /// One job, as the transaction reads it.
@@ -204,9 +208,9 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, adaptive, created_ms, read_by_first, same_by_first, scene_is_built) \
+         target_estimated_mse, adaptive, created_ms, read_by_first, same_by_first, assumptions, scene_is_built) \
          values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
-         $20, $21, 0)",
+         $20, $21, $22, 0)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -229,6 +233,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(job.created_ms)
     .bind(i64::from(job.is_read_by_first))
     .bind(i64::from(job.is_same_by_first))
+    .bind(to_json(&job.assumptions)?)
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {

@@ -56,8 +56,7 @@ impl Views {
             if is_running { self.store.building_workers(job.id, self.liveness.silent_before_ms()).await? } else { 0 };
         let waits_for_build = self.store.build_wait(&job, self.liveness.silent_before_ms()).await?;
         let (progress, total_samples) = (progress(&job, expected_samples, now_ms), job.total_samples());
-        let (left_to_chance, chosen_methods) =
-            job.built_scene.map(|scene| (scene.left_to_chance, scene.chosen_methods)).unzip();
+        let built = job.built_scene;
         Ok(JobView {
             building_workers,
             waits_for_build,
@@ -79,8 +78,10 @@ impl Views {
             integrator: job.integrator,
             scene_hash: job.scene_hash,
             missing_light: job.missing_light,
-            left_to_chance,
-            chosen_methods,
+            left_to_chance: built.as_ref().map(|scene| scene.left_to_chance.clone()),
+            chosen_methods: built.as_ref().map(|scene| scene.chosen_methods.clone()),
+            import_notes: built.map(|scene| scene.import_notes),
+            assumptions: job.assumptions,
             frames: job.frames,
             samples_per_pass: job.samples_per_pass,
             passes: job.passes,

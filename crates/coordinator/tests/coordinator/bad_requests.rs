@@ -196,6 +196,10 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
         let body = submission_with("time_limit_ms", json!(limit_ms));
         check(farm, submit(&body), 400, "invalid_field", Some("time_limit_ms")).await;
     }
+    for assumptions in [vec![String::new(); 101], vec!["x".repeat(301)]] {
+        let body = submission_with("assumptions", json!(assumptions));
+        check(farm, submit(&body), 400, "invalid_field", Some("assumptions")).await;
+    }
     for field in ["target_mse", "target_estimated_mse"] {
         for target in [json!(0), json!(-1e-3), json!("little")] {
             check(farm, submit(&submission_with(field, target)), 400, "invalid_field", Some(field)).await;

@@ -15,7 +15,11 @@ impl TestWorker {
 }
 
 fn built(method: &str) -> BuiltScene {
-    BuiltScene { left_to_chance: vec!["light of the globe".to_owned()], chosen_methods: vec![method.to_owned()] }
+    BuiltScene {
+        left_to_chance: vec!["light of the globe".to_owned()],
+        chosen_methods: vec![method.to_owned()],
+        import_notes: vec!["hall.glb: skins are left out (2)".to_owned()],
+    }
 }
 
 /// Two panes in one place.
@@ -32,8 +36,10 @@ fn touching_panes() -> JobSubmission {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_only_building_shows_is_known_after_the_first_report() {
     let farm = TestFarm::start_with(|config| config.lease_nodes = Some(2)).await;
-    let job = farm.submit(1).await;
-    assert_eq!((job.left_to_chance, job.chosen_methods), (None, None));
+    let assumptions = vec!["The file has no light: a <b>sun</b> was added".to_owned()];
+    let submission = JobSubmission { assumptions: assumptions.clone(), ..submission(1) };
+    let job = farm.client.submit_job(&submission).await.unwrap();
+    assert_eq!((job.left_to_chance, job.chosen_methods, job.import_notes), (None, None, None));
     let [first, second] = [farm.worker_named("first").await, farm.worker_named("second").await];
     let leases = [first.claim().await.unwrap(), second.claim().await.unwrap()];
     assert!(leases[0].wants_report && leases[1].wants_report);
@@ -51,6 +57,7 @@ async fn what_only_building_shows_is_known_after_the_first_report() {
     let farm = farm.restarted().await;
     let shown = farm.client.job(job.id).await.unwrap();
     assert_eq!((shown.state, shown.chosen_methods), (JobState::Running, Some(built("cone").chosen_methods)));
+    assert_eq!((shown.import_notes, &shown.assumptions), (Some(built("cone").import_notes), &assumptions));
 
     // The image says what the first report said.
     for (worker, lease) in [(&first, &leases[0]), (&second, &leases[1])] {
@@ -60,7 +67,9 @@ async fn what_only_building_shows_is_known_after_the_first_report() {
     }
     assert_eq!(farm.finished(job.id).await.state, JobState::Done);
     let image = farm.image(job.id).await;
-    assert_eq!(image.metadata().unwrap().chosen_methods, built("cone").chosen_methods);
+    let metadata = image.metadata().unwrap();
+    assert_eq!(metadata.chosen_methods, built("cone").chosen_methods);
+    assert_eq!((&metadata.import_notes, &metadata.assumptions), (&built("cone").import_notes, &assumptions));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -116,13 +125,17 @@ async fn a_report_is_refused_without_a_valid_lease_and_with_too_much_to_say() {
     let lease = worker.claim().await.unwrap();
     let refused = |characters: usize| BuildOutcome::Refused { reason: "x".repeat(characters) };
     let lines = vec![String::new(); 1001];
-    let long = BuiltScene { left_to_chance: Vec::new(), chosen_methods: lines };
+    let long = BuiltScene { chosen_methods: lines, ..BuiltScene::default() };
+    let many = BuiltScene { import_notes: vec![String::new(); 101], ..BuiltScene::default() };
+    let wordy = BuiltScene { import_notes: vec!["x".repeat(301)], ..BuiltScene::default() };
     let unknown = Lease { id: "00000000-0000-7000-8000-000000000001".parse().unwrap(), ..lease.clone() };
     let calls = [
         (Lease { token: lease.token + 1, ..lease.clone() }, refused(1), ProblemCode::StaleToken),
         (unknown, refused(1), ProblemCode::UnknownLease),
         (lease.clone(), refused(2001), ProblemCode::InvalidField),
         (lease.clone(), BuildOutcome::Built(long), ProblemCode::InvalidField),
+        (lease.clone(), BuildOutcome::Built(many), ProblemCode::InvalidField),
+        (lease.clone(), BuildOutcome::Built(wordy), ProblemCode::InvalidField),
     ];
     for (lease, outcome, code) in calls {
         let problem = worker.report(&lease, outcome).await.unwrap_err().problem().unwrap().clone();

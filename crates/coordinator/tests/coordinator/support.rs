@@ -216,6 +216,7 @@ pub(crate) fn submission(passes: u32) -> JobSubmission {
         target_mse: None,
         target_estimated_mse: None,
         adaptive: false,
+        assumptions: Vec::new(),
     }
 }
 

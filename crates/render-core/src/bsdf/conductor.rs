@@ -17,6 +17,7 @@ use super::microfacet::{Ggx, MIN_ALPHA};
 use super::{
     Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta, soft, textures,
 };
+use crate::exchange::{ColourModel, SurfaceModel, ValueModel};
 use crate::settings::check::check_range;
 use crate::settings::{Check, JsonPath};
 use crate::texture::{Bitmaps, Colour, ColourDescription, TextureUse};
@@ -58,6 +59,11 @@ impl MaterialSettings for ConductorMaterial {
 
     fn textures(&self) -> Vec<TextureUse<'_>> {
         textures(&[("reflectance", &self.reflectance)])
+    }
+
+    fn model(&self, bitmaps: &Bitmaps<'_>) -> Option<SurfaceModel> {
+        let reflectance = ColourModel::of(&self.reflectance.build(bitmaps));
+        Some(SurfaceModel::Metal { reflectance, roughness: ValueModel::Value(self.roughness) })
     }
 
     fn build(&self, bitmaps: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
@@ -138,6 +144,7 @@ impl RoughConductor {
             metallic: 1.0,
             coat: DVec3::ZERO,
             coat_strength: 0.0,
+            transmission: 0.0,
             facets: self.facets,
             soft_terminator: self.soft_terminator,
         }

@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use super::fresnel::{Refraction, reflect, refract};
 use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta};
 use crate::exchange::SurfaceModel;
-use crate::settings::check::check_range;
-use crate::settings::{Check, JsonPath};
+use crate::settings::check::{check_range, check_triple};
+use crate::settings::{Check, JsonPath, Triple, is_default};
 use crate::texture::Bitmaps;
 
 /// A smooth boundary between air and a clear dielectric, such as glass or water: air is on the side to which the
@@ -27,7 +27,14 @@ pub struct DielectricMaterial {
     #[serde(default = "crown_glass")]
     #[schemars(range(min = 1.0, max = 3.0))]
     pub index_of_refraction: f64,
+    /// What the body absorbs, per metre: light over a distance d in it is multiplied by `exp(-absorption * d)`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(inner(range(min = 0.0, max = MAX_ABSORPTION)))]
+    pub absorption: Triple,
 }
+
+/// Largest absorption, per metre.
+pub(super) const MAX_ABSORPTION: f64 = 1e9;
 
 /// Index of refraction of crown glass.
 pub(crate) fn crown_glass() -> f64 {
@@ -36,7 +43,8 @@ pub(crate) fn crown_glass() -> f64 {
 
 impl MaterialSettings for DielectricMaterial {
     fn check(&self, path: &JsonPath<'_>) -> Check {
-        check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))
+        check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
+        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))
     }
 
     fn is_delta(&self) -> bool {
@@ -47,8 +55,12 @@ impl MaterialSettings for DielectricMaterial {
         Some(SurfaceModel::Dielectric { index_of_refraction: self.index_of_refraction })
     }
 
+    fn beyond_model(&self) -> Vec<&'static str> {
+        if self.absorption == [0.0; 3] { Vec::new() } else { vec!["it absorbs nothing"] }
+    }
+
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
-        Arc::new(Dielectric { index_of_refraction: self.index_of_refraction })
+        Arc::new(Dielectric { index_of_refraction: self.index_of_refraction, absorption: self.absorption.into() })
     }
 }
 
@@ -57,6 +69,8 @@ impl MaterialSettings for DielectricMaterial {
 pub(super) struct Dielectric {
     /// Index of refraction behind the boundary.
     pub(super) index_of_refraction: f64,
+    /// What the body behind it absorbs, per metre.
+    pub(super) absorption: DVec3,
 }
 
 impl DeltaBsdf for Dielectric {
@@ -93,6 +107,10 @@ pub(super) fn reflected(direction: DVec3, normals: &Normals) -> Option<DVec3> {
 impl Bsdf for Dielectric {
     fn as_delta(&self) -> Option<&dyn DeltaBsdf> {
         Some(self)
+    }
+
+    fn absorption(&self) -> DVec3 {
+        self.absorption
     }
 
     fn transmits(&self) -> bool {

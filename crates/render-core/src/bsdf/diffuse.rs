@@ -37,7 +37,7 @@ impl MaterialSettings for DiffuseMaterial {
     }
 
     fn model(&self, bitmaps: &Bitmaps<'_>) -> Option<SurfaceModel> {
-        Some(SurfaceModel::Diffuse { reflectance: ColourModel::of(self.reflectance.build(bitmaps))? })
+        Some(SurfaceModel::Diffuse { reflectance: ColourModel::of(&self.reflectance.build(bitmaps)) })
     }
 
     fn build(&self, bitmaps: &Bitmaps<'_>) -> Arc<dyn Bsdf> {

@@ -18,6 +18,7 @@ mod laws;
 mod metallic_roughness;
 mod microfacet;
 mod mirror;
+mod opacity;
 mod registry;
 mod rough_dielectric;
 mod shading_frame;
@@ -37,13 +38,16 @@ pub(crate) use dielectric::crown_glass;
 pub use diffuse::DiffuseMaterial;
 pub use metallic_roughness::MetallicRoughnessMaterial;
 pub use mirror::MirrorMaterial;
+pub use opacity::Opacity;
 pub use registry::MaterialDescription;
 pub use rough_dielectric::RoughDielectricMaterial;
 pub use thin_wall::ThinWallMaterial;
 
-use crate::exchange::SurfaceModel;
+use crate::exchange::{CoverModel, SurfaceModel};
 use crate::settings::{Check, JsonPath};
-use crate::texture::{Bitmaps, ColourDescription, TextureCoordinates, TextureUse};
+use crate::texture::{
+    Bitmaps, ColourDescription, NormalMap, NormalMapDescription, TextureCoordinates, TextureUse, ValueDescription,
+};
 
 /// The settings of a material in the scene file.
 pub trait MaterialSettings {
@@ -67,14 +71,39 @@ pub trait MaterialSettings {
         self.is_delta()
     }
 
+    /// The normal map that it names.
+    fn normal_map(&self) -> Option<&NormalMapDescription> {
+        None
+    }
+
+    /// Whether the colours at the vertices of a mesh count.
+    fn uses_colours(&self) -> bool {
+        false
+    }
+
     /// The pictures that it names.
     fn textures(&self) -> Vec<TextureUse<'_>> {
         Vec::new()
     }
 
-    /// What it is for other programs, with pictures that have been decoded; `None` if it cannot be exported.
+    /// How much of the surface is there, with pictures that have been decoded; `None` where all of it is.
+    fn opacity(&self, _bitmaps: &Bitmaps<'_>) -> Option<Opacity> {
+        None
+    }
+
+    /// What it is for other programs, with pictures that have been decoded; `None` if no model describes it.
     fn model(&self, _bitmaps: &Bitmaps<'_>) -> Option<SurfaceModel> {
         None
+    }
+
+    /// What lies over it, for other programs, with pictures that have been decoded.
+    fn cover(&self, _bitmaps: &Bitmaps<'_>) -> CoverModel {
+        CoverModel::NONE
+    }
+
+    /// What it has beyond its model, in words.
+    fn beyond_model(&self) -> Vec<&'static str> {
+        Vec::new()
     }
 
     /// The material, from settings that have been checked and with pictures that have been decoded.
@@ -84,6 +113,15 @@ pub trait MaterialSettings {
 /// The pictures of colours, with their places below the settings of which the colours are members.
 fn textures<'a>(colours: &[(&str, &'a ColourDescription)]) -> Vec<TextureUse<'a>> {
     colours.iter().filter_map(|(member, colour)| colour.texture(member)).collect()
+}
+
+/// All of something, by default.
+fn one() -> ValueDescription {
+    ValueDescription::number(1.0)
+}
+
+fn is_one(value: &ValueDescription) -> bool {
+    *value == one()
 }
 
 /// That light fades out before the terminator of the triangles, by default.
@@ -96,7 +134,7 @@ fn soft() -> bool {
 pub struct Normals {
     /// That of the triangle.
     pub geometric: DVec3,
-    /// That which is interpolated between the triangle's corners.
+    /// That which is interpolated between the triangle's corners, and which a normal map has bent.
     pub shading: DVec3,
 }
 
@@ -119,6 +157,8 @@ pub struct SurfacePoint {
     pub normals: Normals,
     /// Its texture coordinates.
     pub texture: TextureCoordinates,
+    /// The colour that is interpolated between the vertices of the mesh, linear; white where it has none.
+    pub colour: DVec3,
 }
 
 /// What light does at a specular vertex.
@@ -159,10 +199,27 @@ pub trait Bsdf: fmt::Debug + Send + Sync {
         None
     }
 
+    /// The way straight through for light that it neither bends nor scatters (null transmission), by which a shadow
+    /// ray goes on; `None` where a shadow ray ends. It is all that the surface transmits.
+    fn as_straight(&self) -> Option<&dyn StraightBsdf> {
+        None
+    }
+
     /// Whether light is scattered into single directions, so that no connection to a light can be evaluated. Delta
     /// surfaces that no method searches say so themselves.
     fn is_delta(&self) -> bool {
         self.as_delta().is_some()
+    }
+
+    /// The map of normals over the surface.
+    fn normal_map(&self) -> Option<&NormalMap> {
+        None
+    }
+
+    /// What the body behind the surface absorbs, per metre: light over a distance d in it is multiplied by
+    /// `exp(-absorption * d)`.
+    fn absorption(&self) -> DVec3 {
+        DVec3::ZERO
     }
 
     /// Whether light goes through the surface, so that lights behind it count.
@@ -203,6 +260,13 @@ pub trait DeltaBsdf {
     /// The direction that is reflected, and the fraction of light that is; `None` where the normals contradict each
     /// other.
     fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)>;
+}
+
+/// A surface that light passes without a change of direction.
+pub trait StraightBsdf {
+    /// The fraction of light along `direction`, a unit vector, that goes straight on. It is the same for the opposite
+    /// direction.
+    fn transmittance(&self, at: &SurfacePoint, direction: DVec3) -> DVec3;
 }
 
 /// A ray that goes through a boundary.

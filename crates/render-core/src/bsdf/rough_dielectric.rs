@@ -14,13 +14,14 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::dielectric::{Dielectric, crown_glass};
+use super::dielectric::{Dielectric, MAX_ABSORPTION, crown_glass};
 use super::fresnel::{fresnel_reflectance, reflect, refract};
 use super::microfacet::{Ggx, MIN_ALPHA};
 use super::shading_frame::ShadingFrame;
 use super::{Bsdf, BsdfSample, MaterialSettings, SampleKind, SurfacePoint};
-use crate::settings::check::check_range;
-use crate::settings::{Check, JsonPath};
+use crate::exchange::SurfaceModel;
+use crate::settings::check::{check_range, check_triple};
+use crate::settings::{Check, JsonPath, Triple, is_default};
 use crate::texture::Bitmaps;
 
 /// A rough boundary between air and a clear dielectric, such as ground glass: air is on the side to which the
@@ -36,6 +37,10 @@ pub struct RoughDielectricMaterial {
     /// Roughness, 0 (smooth) to 1. Its square is the width of the distribution of microfacets (GGX).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub roughness: f64,
+    /// What the body absorbs, per metre: light over a distance d in it is multiplied by `exp(-absorption * d)`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(inner(range(min = 0.0, max = MAX_ABSORPTION)))]
+    pub absorption: Triple,
 }
 
 /// Nearer to 1 than this, an index of refraction bends light too little to spread it.
@@ -50,7 +55,8 @@ impl RoughDielectricMaterial {
 impl MaterialSettings for RoughDielectricMaterial {
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
-        check_range(self.roughness, 0.0, 1.0, &path.member("roughness"))
+        check_range(self.roughness, 0.0, 1.0, &path.member("roughness"))?;
+        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))
     }
 
     fn is_delta(&self) -> bool {
@@ -61,12 +67,24 @@ impl MaterialSettings for RoughDielectricMaterial {
         true
     }
 
-    fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<SurfaceModel> {
         let index_of_refraction = self.index_of_refraction;
+        Some(match self.is_delta() {
+            true => SurfaceModel::Dielectric { index_of_refraction },
+            false => SurfaceModel::RoughDielectric { index_of_refraction, roughness: self.roughness },
+        })
+    }
+
+    fn beyond_model(&self) -> Vec<&'static str> {
+        if self.absorption == [0.0; 3] { Vec::new() } else { vec!["it absorbs nothing"] }
+    }
+
+    fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
+        let (index_of_refraction, absorption) = (self.index_of_refraction, DVec3::from(self.absorption));
         if self.is_delta() {
-            return Arc::new(Dielectric { index_of_refraction });
+            return Arc::new(Dielectric { index_of_refraction, absorption });
         }
-        Arc::new(RoughDielectric { index_of_refraction, facets: Ggx { alpha: self.alpha() } })
+        Arc::new(RoughDielectric { index_of_refraction, absorption, facets: Ggx { alpha: self.alpha() } })
     }
 }
 
@@ -74,6 +92,7 @@ impl MaterialSettings for RoughDielectricMaterial {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct RoughDielectric {
     index_of_refraction: f64,
+    absorption: DVec3,
     facets: Ggx,
 }
 
@@ -175,6 +194,10 @@ impl SeenBoundary {
 }
 
 impl Bsdf for RoughDielectric {
+    fn absorption(&self) -> DVec3 {
+        self.absorption
+    }
+
     fn transmits(&self) -> bool {
         true
     }

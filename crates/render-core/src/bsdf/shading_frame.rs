@@ -73,7 +73,7 @@ mod tests {
 
     fn at(shading: DVec3) -> SurfacePoint {
         let normals = Normals { geometric: DVec3::Z, shading: shading.normalize() };
-        SurfacePoint { normals, texture: TextureCoordinates::default() }
+        SurfacePoint { normals, texture: TextureCoordinates::default(), colour: DVec3::ONE }
     }
 
     #[test]

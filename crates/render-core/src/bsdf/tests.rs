@@ -6,11 +6,11 @@ use super::*;
 
 /// A point of a surface with these normals.
 fn at(normals: Normals) -> SurfacePoint {
-    SurfacePoint { normals, texture: TextureCoordinates::default() }
+    SurfacePoint { normals, texture: TextureCoordinates::default(), colour: DVec3::ONE }
 }
 
 const FLAT: Normals = Normals { geometric: DVec3::Z, shading: DVec3::Z };
-const WATER: Dielectric = Dielectric { index_of_refraction: 1.33 };
+const WATER: Dielectric = Dielectric { index_of_refraction: 1.33, absorption: DVec3::ZERO };
 
 #[test]
 fn power_is_conserved_and_radiance_grows_with_the_square_of_the_index() {

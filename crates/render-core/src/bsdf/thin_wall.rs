@@ -3,8 +3,8 @@
 //! A sheet of glass has two faces. With R the reflectance of one face, light that is reflected back and forth between
 //! them adds up to `2R / (1 + R)`. Both faces are parallel, so that transmitted light leaves in its old direction.
 //!
-//! Specular methods do not search it, because light that is not bent has no stationary path. A shadow ray ends on it,
-//! too. So light by way of it is found once, and by chance alone.
+//! Shadow rays go straight through it. Specular methods do not search it, because light that is not bent has no
+//! stationary path. So mirrored light, and light that other glass bends as well, is found by chance alone.
 
 use std::sync::Arc;
 
@@ -15,10 +15,14 @@ use serde::{Deserialize, Serialize};
 
 use super::dielectric::{crown_glass, reflected};
 use super::fresnel::fresnel_reflectance;
-use super::{Bsdf, BsdfSample, MaterialSettings, SampleKind, SpecularEvent, SurfacePoint, textures};
+use super::{
+    Bsdf, BsdfSample, MaterialSettings, Opacity, SampleKind, SpecularEvent, StraightBsdf, SurfacePoint, is_one, one,
+    opacity, textures,
+};
+use crate::exchange::{ColourModel, CoverModel, SurfaceModel};
 use crate::settings::check::check_range;
 use crate::settings::{Check, JsonPath};
-use crate::texture::{Bitmaps, Colour, ColourDescription, TextureUse};
+use crate::texture::{Bitmaps, Colour, ColourDescription, TextureUse, ValueDescription};
 
 /// A clear sheet without a thickness, such as window glass: light goes straight on or is mirrored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,18 +36,31 @@ pub struct ThinWallMaterial {
     /// Fraction of the light that enters the sheet and leaves it on the other side.
     #[serde(default = "ColourDescription::white")]
     pub tint: ColourDescription,
+    /// The part of the surface that is there, 0 to 1. As much of all light goes by it unchanged.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub opacity: ValueDescription,
+    /// Opacity, 0 to 1, from which on all of the surface is there; below it there is none. Without it, parts are there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub opacity_threshold: Option<f64>,
 }
 
 impl Default for ThinWallMaterial {
     fn default() -> Self {
-        Self { index_of_refraction: crown_glass(), tint: ColourDescription::white() }
+        Self {
+            index_of_refraction: crown_glass(),
+            tint: ColourDescription::white(),
+            opacity: one(),
+            opacity_threshold: None,
+        }
     }
 }
 
 impl MaterialSettings for ThinWallMaterial {
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
-        self.tint.check(&path.member("tint"))
+        self.tint.check(&path.member("tint"))?;
+        opacity::check(&self.opacity, self.opacity_threshold, path)
     }
 
     fn is_delta(&self) -> bool {
@@ -55,7 +72,21 @@ impl MaterialSettings for ThinWallMaterial {
     }
 
     fn textures(&self) -> Vec<TextureUse<'_>> {
-        textures(&[("tint", &self.tint)])
+        let tint = textures(&[("tint", &self.tint)]);
+        tint.into_iter().chain(self.opacity.texture("opacity")).collect()
+    }
+
+    fn opacity(&self, bitmaps: &Bitmaps<'_>) -> Option<Opacity> {
+        Opacity::build(&self.opacity, self.opacity_threshold, bitmaps)
+    }
+
+    fn model(&self, bitmaps: &Bitmaps<'_>) -> Option<SurfaceModel> {
+        let tint = ColourModel::of(&self.tint.build(bitmaps));
+        Some(SurfaceModel::ThinSheet { index_of_refraction: self.index_of_refraction, tint })
+    }
+
+    fn cover(&self, bitmaps: &Bitmaps<'_>) -> CoverModel {
+        CoverModel::of_opacity(&self.opacity.build(bitmaps), self.opacity_threshold)
     }
 
     fn build(&self, bitmaps: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
@@ -78,7 +109,17 @@ impl ThinWall {
     }
 }
 
+impl StraightBsdf for ThinWall {
+    fn transmittance(&self, at: &SurfacePoint, direction: DVec3) -> DVec3 {
+        self.tint.at(at.texture) * (1.0 - self.reflectance(direction.dot(at.normals.shading).abs()))
+    }
+}
+
 impl Bsdf for ThinWall {
+    fn as_straight(&self) -> Option<&dyn StraightBsdf> {
+        Some(self)
+    }
+
     fn is_delta(&self) -> bool {
         true
     }

@@ -1,11 +1,19 @@
 //! The things of imported files among those of the scene.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use super::SceneDescription;
+use crate::light::LightDescription;
 use crate::scene::Assets;
 use crate::scene::import::{Expansion, expand};
 use crate::settings::{JsonPath, SceneError};
+
+/// Most notes on the imports of a scene. Those beyond are counted in the last one.
+pub const MAX_NOTES: usize = 100;
+
+/// Most characters of such a note.
+pub const MAX_NOTE_CHARACTERS: usize = 300;
 
 impl SceneDescription {
     /// The same scene without imports: their things are among its own.
@@ -14,21 +22,37 @@ impl SceneDescription {
     ///
     /// When a file makes no sense, or what is in it is no part of a valid scene.
     pub fn expanded(&self, assets: &Assets) -> Result<Cow<'_, Self>, SceneError> {
+        Ok(self.expanded_with_notes(assets)?.0)
+    }
+
+    /// The same, and what is in the imported files and not in the scene, or differs: at most [`MAX_NOTES`] sentences
+    /// of [`MAX_NOTE_CHARACTERS`] characters.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::expanded`].
+    pub fn expanded_with_notes(&self, assets: &Assets) -> Result<(Cow<'_, Self>, Vec<String>), SceneError> {
         if self.imports.is_empty() {
-            return Ok(Cow::Borrowed(self));
+            return Ok((Cow::Borrowed(self), Vec::new()));
         }
         let mut scene = self.clone();
+        let own: BTreeSet<&str> = self.lights.iter().filter_map(|light| light.mesh()).collect();
+        let mut notes = Vec::new();
         for (index, import) in std::mem::take(&mut scene.imports).iter().enumerate() {
             let root = JsonPath::Root;
             let imports = root.member("imports");
-            let Expansion { materials, meshes, panes, lights, .. } = expand(import, assets, &imports.element(index))?;
+            let expansion = expand(import, assets, &imports.element(index))?;
+            notes.extend(expansion.remarks());
+            let Expansion { materials, meshes, panes, lights, .. } = expansion;
             scene.materials.extend(materials);
             scene.meshes.extend(meshes);
             scene.panes.extend(panes);
-            scene.lights.extend(lights);
+            // A light of the scene itself takes the place of one that the file makes of the same mesh.
+            let is_own = |light: &LightDescription| light.mesh().is_some_and(|mesh| own.contains(mesh));
+            scene.lights.extend(lights.into_iter().filter(|light| !is_own(light)));
         }
         scene.validate().map_err(|error| scene.named(error))?;
-        Ok(Cow::Owned(scene))
+        Ok((Cow::Owned(scene), bounded(notes)))
     }
 
     /// An error about a thing that the scene file does not have, with its name in place of its number.
@@ -44,5 +68,35 @@ impl SceneDescription {
             let (number, rest) = rest.split_once(']')?;
             Some(format!("{list}[{}]{rest}", name(list, number.parse().ok()?)?))
         })
+    }
+}
+
+/// The first notes, none of which is long. Names in files are as long as strangers like.
+fn bounded(mut notes: Vec<String>) -> Vec<String> {
+    if notes.len() > MAX_NOTES {
+        let left = notes.len() - (MAX_NOTES - 1);
+        notes.truncate(MAX_NOTES - 1);
+        notes.push(format!("and {left} more"));
+    }
+    for note in &mut notes {
+        if let Some((end, _)) = note.char_indices().nth(MAX_NOTE_CHARACTERS) {
+            let kept = note[..end].char_indices().next_back().map_or(0, |(start, _)| start);
+            note.replace_range(kept.., "\u{2026}");
+        }
+    }
+    notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn notes_are_few_and_short_and_say_what_they_leave_out() {
+        let notes = bounded((0..250).map(|number| format!("{number} {}", "\u{e9}".repeat(500))).collect());
+        assert_eq!((notes.len(), notes[99].as_str()), (100, "and 151 more"));
+        assert!(notes[..99].iter().all(|note| note.chars().count() == 300 && note.ends_with('\u{2026}')));
+        let few = vec!["\u{e9}".repeat(300)];
+        assert_eq!(bounded(few.clone()), few);
     }
 }

@@ -320,6 +320,18 @@ fn values_out_of_range_are_named_with_what_would_be_right() {
         ),
         (
             "/materials/stone",
+            json!({"thin_wall": {"opacity": 0.5, "opacity_threshold": 1.5}}),
+            "materials.stone.thin_wall.opacity_threshold",
+            &["found 1.5", "0 to 1"],
+        ),
+        (
+            "/materials/stone",
+            json!({"metallic_roughness": {"opacity": 2}}),
+            "materials.stone.metallic_roughness.opacity",
+            &["found 2.0", "0 to 1"],
+        ),
+        (
+            "/materials/stone",
             json!({"metallic_roughness": {"metallic": -0.5}}),
             "materials.stone.metallic_roughness.metallic",
             &["found -0.5", "0 to 1"],
@@ -470,6 +482,25 @@ fn spots_and_environments_are_checked() {
     two["lights"][1] = sky("name", json!("a"));
     two["lights"][3] = sky("name", json!("b"));
     check(&two.to_string(), "lights[3].environment", &["a second environment", "lights[1] is one"]);
+}
+
+#[test]
+fn meshes_that_shine_are_checked() {
+    let shining = |name: &str, value: Value| {
+        let mut light = json!({"name": "glow", "mesh": "floor", "radiance": [1, 1, 1]});
+        light[name] = value;
+        json!({"mesh": light})
+    };
+    let with_light = |name: &str, value: Value| with("/lights/4", shining(name, value));
+    assert!(SceneDescription::parse(with_light("mesh", json!("floor")).as_bytes()).is_ok());
+    check(&with_light("mesh", json!("flor")), "lights[4].mesh.mesh", &["\"flor\"", "the name of a mesh of the scene"]);
+    check(&with_light("radiance", json!([1, -1, 1])), "lights[4].mesh.radiance[1]", &["found -1.0"]);
+    let above = with_light("texture", json!({"file": "../glow.png"}));
+    check(&above, "lights[4].mesh.texture.file", &["a path relative to the scene file"]);
+    let mut two = valid_scene();
+    two["lights"][1] = shining("name", json!("a"));
+    two["lights"][3] = shining("name", json!("b"));
+    check(&two.to_string(), "lights[3].mesh.mesh", &["\"floor\"", "a mesh that no other light is"]);
 }
 
 #[test]

@@ -35,7 +35,7 @@ impl SceneDescription {
             classes.extend(self.integrator.unowned(&group, self.contents()));
         }
         let walls = meshes(&|mesh| self.parts().is_left_to_chance(mesh));
-        classes.extend(small_lights(scene, &walls).map(|group| group.over_thin_walls()));
+        classes.extend(small_lights(scene, &walls).map(|group| group.over_thin_walls(self.contents())));
         let environment = scene.light_sampler().environment().map(|index| &scene.lights()[index as usize]);
         if let Some(light) = environment.filter(|light| light.emission().max_element() > 0.0 && !glass.is_empty()) {
             let group = LightGroup { name: format!("the environment \"{}\"", light.name), can_be_met: true };
@@ -67,7 +67,7 @@ impl SceneDescription {
             }
         }
         if contents.has_points && self.meshes.iter().any(|mesh| self.parts().is_left_to_chance(mesh)) {
-            classes.push(points.over_thin_walls());
+            classes.push(points.over_thin_walls(contents));
         }
         missing.extend(self.rendered(classes));
         missing
@@ -336,11 +336,8 @@ mod tests {
         scene["materials"] = json!({"stone": {"thin_wall": {}}});
         scene["integrator"] = json!({"path": {}});
         let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
-        let wall = "through or off a thin wall to a surface";
-        check(
-            &description.missing_light(),
-            &["more than 16 vertices", &format!("light of point lights that comes {wall}")],
-        );
+        let wall = "off a thin wall to a surface";
+        check(&description.missing_light(), &["more than 16 vertices", &format!("light of point lights {wall}")]);
         let bundle = crate::document::SceneBundle::from_parts(description, std::collections::BTreeMap::new()).unwrap();
         let late = bundle.description().left_to_chance(&bundle.build_scene().unwrap());
         check(&late, &[wall]);

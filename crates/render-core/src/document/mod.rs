@@ -33,6 +33,7 @@ pub mod water;
 pub use bundle::{SceneBundle, asset_names, load};
 pub use canonical::{SceneHeader, canonical_json};
 pub use description::{SamplingDescription, SceneDescription};
+pub use imports::{MAX_NOTE_CHARACTERS, MAX_NOTES};
 pub use integrators::{IntegratorEntry, integrators};
 pub use model_scene::{ModelOptions, ModelScene, is_model, scene_around};
 pub use overrides::{Override, OverrideError, apply};

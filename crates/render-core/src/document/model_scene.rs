@@ -1,19 +1,20 @@
 //! A whole scene around a file of another program, such as a building from Blender. What a scene has beyond the file is
 //! assumed, and said.
 
+use std::collections::BTreeSet;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use super::bundle::load_assets;
 use super::{SceneBundle, SceneDescription};
 use crate::bsdf::{MaterialDescription, ThinWallMaterial};
 use crate::light::{EnvironmentLight, EnvironmentRadiance, LightDescription, SunLight};
-use crate::scene::asset_uses::asset_uses;
 use crate::scene::description::{CameraDescription, FilmDescription};
 use crate::scene::import::{
     Expansion, GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis, expand, files_of,
 };
-use crate::scene::{Scene, SceneError, view_of};
-use crate::settings::{JsonPath, SCENE_FORMAT_VERSION};
+use crate::scene::{Assets, Scene, SceneError, view_of};
+use crate::settings::{AssetProblem, JsonPath, SCENE_FORMAT_VERSION, Triple};
 
 /// How a file of another program becomes a scene.
 #[derive(Clone, Debug, Default)]
@@ -70,13 +71,7 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
     let stem = file.file_stem().and_then(|stem| stem.to_str()).unwrap_or(name);
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut source = make(ImportFiles { file: name.to_owned(), files: Vec::new() });
-    let main = load_assets(folder, [("imports[0].source".to_owned(), name.to_owned())])?;
-    let others = files_of(&source, &main).map_err(|problem| SceneError::Asset {
-        path: "imports[0].source".to_owned(),
-        name: name.to_owned(),
-        problem,
-    })?;
-    source.files_mut().files = others;
+    let assets = read_files(folder, &mut source)?;
     let import = ImportDescription {
         metres_per_unit: options.metres_per_unit.unwrap_or(1.0),
         up: options.up.unwrap_or_default(),
@@ -105,8 +100,6 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
         lights: Vec::new(),
     };
     description.validate()?;
-    let uses = asset_uses(description.parts());
-    let assets = load_assets(folder, uses.into_iter().map(|(path, name)| (path, name.to_owned())))?;
     let root = JsonPath::Root;
     let imports = root.member("imports");
     let expansion = expand(&description.imports[0], &assets, &imports.element(0))?;
@@ -114,9 +107,16 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
     if options.glaze.is_empty() && !expansion.glazable.is_empty() {
         assumptions.push(see_through(&mut description, &expansion.glazable));
     }
-    if expansion.lights.is_empty() {
+    // Surfaces that shine are seldom meant to light a building.
+    if expansion.lights.iter().all(|light| light.mesh().is_some()) {
         description.lights = daylight();
-        assumptions.push("The file has no light: a sun from the south and a uniform sky were added".to_owned());
+        assumptions
+            .push("The file has no lamp and no sun: a sun from the south and a uniform sky were added".to_owned());
+    } else if let Some(sun) = brightest_sun(&expansion.lights)
+        && expansion.lights.iter().all(|light| !light.is_environment())
+    {
+        description.lights.push(sky(sun));
+        assumptions.push("The file has a sun and no sky: a uniform sky was added, which is in proportion".to_owned());
     }
     match expansion.cameras.first() {
         Some(camera) => {
@@ -135,17 +135,52 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
             }
         }
         None => {
-            // Without panes, which take longest to build: windows are open.
-            let mut walls = description.expanded(&assets)?.into_owned();
+            // Without panes, which take longest to build, and without sheets of glass: windows are open.
+            let expanded = description.expanded(&assets)?;
+            let mut walls = expanded.clone().into_owned();
             walls.panes.clear();
+            walls.meshes.retain(|mesh| !expanded.parts().is_left_to_chance(mesh));
             if !walls.meshes.is_empty() {
-                description.camera = view_of(&Scene::build(walls.parts(), &assets, &mut |_| ())?);
+                let scene = Scene::build(walls.parts(), &assets, &mut |_| ());
+                description.camera = view_of(&scene.map_err(|error| walls.named(error))?);
             }
             assumptions.push("The file has no camera: one was placed where most of the space is seen".to_owned());
         }
     }
     let bundle = SceneBundle::from_parts(description, assets)?;
     Ok(ModelScene { bundle, expansion, assumptions })
+}
+
+/// Reads the file and the files that it refers to, and lists these. Files that a file can do without are left out where
+/// they are not there: what is made of it says so.
+fn read_files(folder: &Path, source: &mut ImportSource) -> Result<Assets, SceneError> {
+    let path = || format!("imports[0].source.{}", source.format());
+    let main = source.files().file.clone();
+    let mut assets = load_assets(folder, [(path(), main.clone())])?;
+    let mut absent = BTreeSet::new();
+    // A material library names pictures once it has been read.
+    let files = loop {
+        let files = files_of(source, &assets);
+        let mut files = files.map_err(|problem| SceneError::Asset { path: path(), name: main.clone(), problem })?;
+        files.retain(|file| !absent.contains(file));
+        let unread: Vec<&String> = files.iter().filter(|file| !assets.contains_key(*file)).collect();
+        if unread.is_empty() {
+            break files;
+        }
+        for file in unread {
+            match load_assets(folder, [(path(), file.clone())]) {
+                Ok(read) => assets.extend(read),
+                Err(SceneError::Asset { problem: AssetProblem::Unreadable(error), .. })
+                    if !source.needs_all_files() && error.kind() == ErrorKind::NotFound =>
+                {
+                    absent.insert(file.clone());
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    };
+    source.files_mut().files = files;
+    Ok(assets)
 }
 
 /// Makes clear sheets of what is called a window, so that daylight comes in. Answers what that is.
@@ -172,18 +207,83 @@ fn short(name: &str) -> String {
 
 /// A sun in the south, half way up, and a sky that is as bright everywhere: together some 100 klx.
 fn daylight() -> Vec<LightDescription> {
-    vec![
-        LightDescription::Sun(SunLight {
-            name: "sun".to_owned(),
-            direction: [0.35, -0.7, 0.6],
-            angular_radius: 0.267,
-            radiance: [1.5e7, 1.4e7, 1.25e7],
-        }),
-        LightDescription::Environment(EnvironmentLight {
-            name: "sky".to_owned(),
-            radiance: EnvironmentRadiance::Colour([28.0, 33.0, 42.0]),
-            scale: 1.0,
-            rotate: [0.0; 3],
-        }),
-    ]
+    let sun = SunLight {
+        name: "sun".to_owned(),
+        direction: [0.35, -0.7, 0.6],
+        angular_radius: 0.267,
+        radiance: [1.5e7, 1.4e7, 1.25e7],
+    };
+    let sky = sky(irradiance(&sun));
+    vec![LightDescription::Sun(sun), sky]
+}
+
+/// Radiance of a clear sky over the irradiance of the sun, square to its light, 1/sr.
+const SKY_OF_SUN: Triple = [0.029, 0.034, 0.044];
+
+/// The sky that goes with a sun of this irradiance, W/m2.
+fn sky(irradiance: f64) -> LightDescription {
+    LightDescription::Environment(EnvironmentLight {
+        name: "sky".to_owned(),
+        radiance: EnvironmentRadiance::Colour(SKY_OF_SUN.map(|part| part * irradiance)),
+        scale: 1.0,
+        rotate: [0.0; 3],
+    })
+}
+
+/// The irradiance of a sun square to its light, W/m2, as the mean over the channels.
+fn irradiance(sun: &SunLight) -> f64 {
+    let sine = libm::sin(sun.angular_radius.to_radians());
+    std::f64::consts::PI * sine * sine * sun.radiance.iter().sum::<f64>() / 3.0
+}
+
+/// The irradiance of the brightest sun, W/m2.
+fn brightest_sun(lights: &[LightDescription]) -> Option<f64> {
+    let suns = lights.iter().filter_map(|light| match light {
+        LightDescription::Sun(sun) => Some(irradiance(sun)),
+        _ => None,
+    });
+    suns.reduce(f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// The lights beside those of a file with these lamps.
+    fn added(lamps: &[Value]) -> Vec<LightDescription> {
+        let node = |light: usize| json!({"extensions": {"KHR_lights_punctual": {"light": light}}});
+        let mut file = json!({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{}],
+            "nodes": [{"camera": 0}],
+            "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+        });
+        if !lamps.is_empty() {
+            file["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+            file["extensions"] = json!({"KHR_lights_punctual": {"lights": lamps}});
+            file["nodes"].as_array_mut().unwrap().extend((0..lamps.len()).map(node));
+        }
+        let nodes: Vec<usize> = (0..=lamps.len()).collect();
+        file["scenes"][0]["nodes"] = json!(nodes);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.gltf");
+        std::fs::write(&path, file.to_string()).unwrap();
+        scene_around(&path, &ModelOptions::default()).unwrap().bundle.description().lights.clone()
+    }
+
+    #[test]
+    fn daylight_is_added_where_the_file_has_none_and_a_sky_beside_a_sun() {
+        let sun = |lux: f64| json!({"type": "directional", "intensity": lux});
+        let lamp = json!({"type": "point", "intensity": 100});
+        assert_eq!(added(&[]), daylight());
+        assert_eq!(added(std::slice::from_ref(&lamp)), []);
+        for (lamps, irradiance) in [(vec![sun(683.0)], 1.0), (vec![sun(683.0), lamp, sun(1366.0)], 2.0)] {
+            let [LightDescription::Environment(sky)] = &added(&lamps)[..] else { panic!("{lamps:?}") };
+            let EnvironmentRadiance::Colour(radiance) = sky.radiance else { panic!("{sky:?}") };
+            // An even sky gives pi times its radiance: a tenth of what the sun does.
+            let part = std::f64::consts::PI * radiance[1] / irradiance;
+            assert!((0.09..0.12).contains(&part), "{part}");
+        }
+    }
 }

@@ -9,13 +9,17 @@
 //!
 //! At equal distances the smaller number wins, triangles before panes. So a result does not depend on the order in
 //! which the hierarchy is walked.
+//!
+//! A surface that is only partly there (the module `coverage`) is met by some rays and not by others.
 
 use std::ops::Range;
 use std::sync::Arc;
 
+use arrayvec::ArrayVec;
 use glam::DVec3;
 use thiserror::Error;
 
+use super::coverage::{Coverage, Parts};
 use super::hierarchy::{Hierarchy, MOST_LEVELS};
 use super::sheet::Sheet;
 use super::triangle::{ShearedRay, coplanar};
@@ -84,6 +88,23 @@ pub struct Hit {
     pub surface: Surface,
 }
 
+/// Most triangles that a ray goes straight through.
+pub const MOST_PASSED: usize = 64;
+
+/// Triangles that a ray goes straight through.
+pub type Passed = ArrayVec<PassedTriangle, MOST_PASSED>;
+
+/// A triangle that a ray goes straight through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassedTriangle {
+    /// Its number in the scene.
+    pub index: u32,
+    /// Weights of its second and third corner.
+    pub barycentric: [f64; 2],
+    /// Distance along the ray in metres.
+    pub distance: f64,
+}
+
 /// The triangles and panes of a scene, and the hierarchy over both.
 #[derive(Clone, Debug)]
 pub struct Accelerator {
@@ -94,6 +115,22 @@ pub struct Accelerator {
     corners: Vec<[DVec3; 3]>,
     everything: Option<Sorted>,
     sheets: Vec<(Sheet, Sorted)>,
+    /// How much of the triangles is there; `None` where all of all is.
+    coverage: Option<Arc<dyn Coverage>>,
+}
+
+/// A ray on its way through the scene.
+struct Query<'a> {
+    ray: &'a Ray,
+    sheared: ShearedRay,
+    ray_origin: SurfaceId,
+    parts: Parts,
+}
+
+impl<'a> Query<'a> {
+    fn new(ray: &'a Ray, ray_origin: SurfaceId, parts: Parts) -> Self {
+        Self { ray, sheared: ShearedRay::new(ray), ray_origin, parts }
+    }
 }
 
 /// Primitives with the hierarchy over them.
@@ -176,7 +213,14 @@ impl Accelerator {
         primitives.extend((next..corners.len() as u32).map(triangle));
         primitives.extend((0..).zip(&panes).map(|(index, pane)| (Primitive::Pane { index }, pane.world_bounds())));
         let pierced = panes.iter().map(|pane| corners.iter().any(|triangle| reaches_into(triangle, pane))).collect();
-        Ok(Self { panes: panes.into(), pierced, everything: Sorted::over(primitives)?, sheets, corners })
+        let everything = Sorted::over(primitives)?;
+        Ok(Self { panes: panes.into(), pierced, everything, sheets, corners, coverage: None })
+    }
+
+    /// The same triangles, of which only a part is there.
+    #[must_use]
+    pub fn with_coverage(self, coverage: Arc<dyn Coverage>) -> Self {
+        Self { coverage: Some(coverage), ..self }
     }
 
     /// The panes, by number.
@@ -194,6 +238,11 @@ impl Accelerator {
         &self.corners[triangle as usize]
     }
 
+    /// The distance at which a ray meets a triangle, whatever else is in the way; `None` where it misses.
+    pub fn distance_to_triangle(&self, ray: &Ray, triangle: u32) -> Option<f64> {
+        ShearedRay::new(ray).intersect(self.corners(triangle)).map(|hit| hit.distance)
+    }
+
     /// Corners of a box that holds everything; `None` when there is nothing.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         self.everything.as_ref().map(|everything| everything.hierarchy.bounds())
@@ -207,32 +256,17 @@ impl Accelerator {
         ray_origin: SurfaceId,
         counters: &mut Counters,
     ) -> Option<Hit> {
+        self.closest(&Query::new(ray, ray_origin, Parts::Drawn), max_distance, counters)
+    }
+
+    fn closest(&self, query: &Query<'_>, max_distance: f64, counters: &mut Counters) -> Option<Hit> {
         counters.rays += 1;
-        let sheared = ShearedRay::new(ray);
+        let &Query { ray, ray_origin, .. } = query;
         self.nearest(ray, max_distance, self.left_behind(ray_origin, ray), |primitive| match primitive {
-            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, ray_origin),
+            Primitive::Triangle { index, corners } => self.hit_triangle(query, *index, corners),
             Primitive::Pane { index } => self.hit_pane(ray, max_distance, *index, ray_origin, counters),
             Primitive::Sheet { .. } => None,
         })
-    }
-
-    /// What [`Self::closest_hit`] finds, when that is the given pane. Asking for one pane alone is quicker, above all
-    /// where the ray misses it: then nothing else is looked at.
-    pub fn closest_hit_on_pane(
-        &self,
-        pane: u32,
-        ray: &Ray,
-        max_distance: f64,
-        ray_origin: SurfaceId,
-        counters: &mut Counters,
-    ) -> Option<Hit> {
-        counters.rays += 1;
-        let hit = self.hit_pane(ray, max_distance, pane, ray_origin, counters)?;
-        let blocked = hit.distance > max_distance
-            || self.any(ray, hit.distance, ray_origin, SurfaceId::Nothing, Some(pane), counters, |other| {
-                precedes(other, &hit)
-            });
-        (!blocked).then_some(hit)
     }
 
     /// The nearest triangle, or the boundary of the pane in whose glass the ray starts, for a ray through that glass.
@@ -244,7 +278,18 @@ impl Accelerator {
         start_face: Option<Face>,
         counters: &mut Counters,
     ) -> Option<Hit> {
+        self.closest_inside(pane_index, &Query::new(ray, SurfaceId::Nothing, Parts::Drawn), start_face, counters)
+    }
+
+    fn closest_inside(
+        &self,
+        pane_index: u32,
+        query: &Query<'_>,
+        start_face: Option<Face>,
+        counters: &mut Counters,
+    ) -> Option<Hit> {
         counters.rays += 1;
+        let ray = query.ray;
         let pane = &self.panes[pane_index as usize];
         let boundary = pane
             .intersect_inside(&to_local(pane, ray), start_face, counters)
@@ -253,9 +298,8 @@ impl Accelerator {
             return boundary;
         }
         let max_distance = boundary.map_or(f64::INFINITY, |hit| hit.distance);
-        let sheared = ShearedRay::new(ray);
         let triangle = self.nearest(ray, max_distance, None, |primitive| match primitive {
-            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, SurfaceId::Nothing),
+            Primitive::Triangle { index, corners } => self.hit_triangle(query, *index, corners),
             Primitive::Pane { .. } | Primitive::Sheet { .. } => None,
         });
         triangle.or(boundary)
@@ -271,53 +315,82 @@ impl Accelerator {
         ignored_pane: Option<u32>,
         counters: &mut Counters,
     ) -> bool {
-        counters.rays += 1;
-        self.any(ray, max_distance, ray_origin, SurfaceId::Nothing, ignored_pane, counters, |hit| {
-            hit.distance <= max_distance
-        })
+        self.occluded_to(&Query::new(ray, ray_origin, Parts::Drawn), max_distance, ignored_pane, counters)
     }
 
-    /// Whether anything stands in the way to a place on a triangle, `distance` along a ray through the air.
-    pub fn occluded_before(
+    fn occluded_to(
         &self,
-        ray: &Ray,
-        distance: f64,
-        ray_origin: SurfaceId,
-        triangle: u32,
+        query: &Query<'_>,
+        max_distance: f64,
+        ignored_pane: Option<u32>,
         counters: &mut Counters,
     ) -> bool {
         counters.rays += 1;
-        let end = distance * BEFORE;
-        self.any(ray, end, ray_origin, SurfaceId::Triangle(triangle), None, counters, |hit| hit.distance <= end)
+        self.any(query, max_distance, SurfaceId::Nothing, ignored_pane, counters, |hit| hit.distance <= max_distance)
     }
 
-    /// Whether `test` says yes to a hit on a triangle, or on a pane other than `ignored_pane`. Some beyond
-    /// `max_distance` are tested as well. `reaching` is what the ray ends on.
-    #[expect(clippy::too_many_arguments, reason = "a ray, where it begins and ends, and what counts as a hit")]
-    fn any(
+    /// The triangles that a ray through the air goes straight through within `max_distance`, nearest first. `passes`
+    /// says of which triangles light passes. `None` where anything else stands in the way, or more than
+    /// [`MOST_PASSED`].
+    pub fn passed(
         &self,
         ray: &Ray,
         max_distance: f64,
         ray_origin: SurfaceId,
+        passes: &dyn Fn(u32) -> bool,
+        counters: &mut Counters,
+    ) -> Option<Passed> {
+        counters.rays += 1;
+        let mut all = Passed::new();
+        let query = Query::new(ray, ray_origin, Parts::Drawn);
+        let blocked = self.any(&query, max_distance, SurfaceId::Nothing, None, counters, |hit| {
+            if hit.distance > max_distance {
+                return false;
+            }
+            let Surface::Triangle { index, barycentric } = hit.surface else { return true };
+            !passes(index) || all.try_push(PassedTriangle { index, barycentric, distance: hit.distance }).is_err()
+        });
+        if blocked {
+            return None;
+        }
+        all.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.index.cmp(&b.index)));
+        let mut last: Option<PassedTriangle> = None;
+        all.retain(|next| {
+            let corners = self.corners(next.index);
+            let is_left = last.is_some_and(|last| self.is_beside(last.index, corners, next.distance - last.distance));
+            if !is_left {
+                last = Some(*next);
+            }
+            !is_left
+        });
+        Some(all)
+    }
+
+    /// Whether `test` says yes to a hit on a triangle, or on a pane other than `ignored_pane`. Some beyond
+    /// `max_distance` are tested as well. `reaching` is what the ray ends on.
+    fn any(
+        &self,
+        query: &Query<'_>,
+        max_distance: f64,
         reaching: SurfaceId,
         ignored_pane: Option<u32>,
         counters: &mut Counters,
-        test: impl Fn(&Hit) -> bool,
+        mut test: impl FnMut(&Hit) -> bool,
     ) -> bool {
         let Some(everything) = &self.everything else { return false };
-        let sheared = ShearedRay::new(ray);
+        let &Query { ray, ray_origin, .. } = query;
         let passed = self.left_behind(ray_origin, ray).or_else(|| self.left_behind(reaching, ray));
         everything.hierarchy.any(ray, max_distance, |leaf| {
             let hit = match &everything.leaves[leaf] {
-                Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, ray_origin),
-                Primitive::Pane { index } if Some(*index) == ignored_pane => None,
+                Primitive::Triangle { index, corners } => self.hit_triangle(query, *index, corners),
+                Primitive::Pane { index } if query.parts == Parts::Veils || Some(*index) == ignored_pane => None,
                 Primitive::Pane { index } => self.hit_pane(ray, max_distance, *index, ray_origin, counters),
                 Primitive::Sheet { index } if Some(*index) == passed => None,
                 Primitive::Sheet { index } => {
                     let (_, sheet) = &self.sheets[*index as usize];
                     return sheet.hierarchy.any(ray, max_distance, |leaf| match &sheet.leaves[leaf] {
                         Primitive::Triangle { index, corners } => {
-                            self.hit_triangle(&sheared, *index, corners, ray_origin).is_some_and(|hit| test(&hit))
+                            self.hit_triangle(query, *index, corners).is_some_and(|hit| test(&hit))
                         }
                         Primitive::Pane { .. } | Primitive::Sheet { .. } => false,
                     });
@@ -375,20 +448,31 @@ impl Accelerator {
         (sheet.triangles().contains(&triangle) && sheet.meets_once(ray.direction)).then_some(index as u32)
     }
 
-    fn hit_triangle(&self, ray: &ShearedRay, index: u32, corners: &[DVec3; 3], ray_origin: SurfaceId) -> Option<Hit> {
-        if ray_origin == SurfaceId::Triangle(index) {
+    fn hit_triangle(&self, query: &Query<'_>, index: u32, corners: &[DVec3; 3]) -> Option<Hit> {
+        if query.ray_origin == SurfaceId::Triangle(index) {
             return None;
         }
-        let hit = ray.intersect(corners)?;
-        if let SurfaceId::Triangle(start) = ray_origin
-            && hit.distance <= 1e-9 * (corners[0] - corners[1]).abs().max_element()
-            && coplanar(&self.corners[start as usize], corners)
+        let hit = query.sheared.intersect(corners)?;
+        if let SurfaceId::Triangle(start) = query.ray_origin
+            && self.is_beside(start, corners, hit.distance)
         {
-            // On the edge to a neighbour in the same plane, the ray leaves both.
             return None;
+        }
+        if let Some(coverage) = &self.coverage {
+            let opacity = coverage.opacity(index, hit.barycentric);
+            if !query.parts.is_met(opacity, query.ray, index) {
+                return None;
+            }
         }
         let surface = Surface::Triangle { index, barycentric: hit.barycentric };
         Some(Hit { distance: hit.distance, surface })
+    }
+
+    /// Whether a ray that leaves a triangle leaves another with it, which it would meet at `distance`: it starts on the
+    /// edge to a neighbour in the same plane.
+    fn is_beside(&self, start: u32, corners: &[DVec3; 3], distance: f64) -> bool {
+        distance <= 1e-9 * (corners[0] - corners[1]).abs().max_element()
+            && coplanar(&self.corners[start as usize], corners)
     }
 
     fn hit_pane(
@@ -408,10 +492,6 @@ impl Accelerator {
         Some(Hit { distance: hit.distance, surface: Surface::Pane { index, hit } })
     }
 }
-
-/// The part of the way to a place on which something may stand in the way. The place itself, and the triangle beside an
-/// edge on which it lies, are behind.
-const BEFORE: f64 = 1.0 - 1e-9;
 
 /// Whether `a` is the one to report of two hits.
 fn precedes(a: &Hit, b: &Hit) -> bool {
@@ -451,6 +531,10 @@ fn reaches_into(triangle: &[DVec3; 3], pane: &Pane) -> bool {
 fn to_local(pane: &Pane, ray: &Ray) -> Ray {
     Ray::new(pane.frame.point_to_local(ray.origin), pane.frame.vector_to_local(ray.direction))
 }
+
+mod solid;
+
+pub use solid::Solid;
 
 #[cfg(test)]
 mod tests;

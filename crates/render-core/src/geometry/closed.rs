@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::math::hash::mix;
+
 /// Whether each edge belongs to an even number of triangles, as on a surface without a border. Corners are the same
 /// when their coordinates are.
 ///
@@ -23,14 +25,6 @@ fn edge(from: u64, to: u64) -> u64 {
 fn number_of_corner(corner: DVec3) -> u64 {
     // Zero has two signs.
     corner.to_array().into_iter().fold(0, |state, coordinate| mix(state ^ (coordinate + 0.0).to_bits()))
-}
-
-/// SplitMix64 (Steele, Lea and Flood 2014).
-fn mix(value: u64) -> u64 {
-    let value = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    value ^ (value >> 31)
 }
 
 #[cfg(test)]

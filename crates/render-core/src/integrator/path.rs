@@ -3,6 +3,9 @@
 //! Light that arrives at a diffuse vertex is split by path. Direct light comes from next event estimation, combined
 //! with BSDF sampling by the balance heuristic. Light over specular vertices comes from the specular method, for the
 //! paths that it owns ([`crate::specular::coverage`]). The path tracer finds the rest by following the path.
+//!
+//! A path may go straight through thin walls from a diffuse vertex to a light. That is direct light, as if there were
+//! no walls: next event estimation finds it, too. Both techniques count each wall as a vertex.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -11,7 +14,7 @@ use super::prepared::PreparedScene;
 use crate::bsdf::fresnel::{absorption, reflect, refract};
 use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent, PathFilter};
-use crate::geometry::{Face, Hit, PaneBoundary, Ray, Surface, SurfaceId};
+use crate::geometry::{Face, Hit, MOST_PASSED, PaneBoundary, Ray, Surface, SurfaceId};
 use crate::light::{AskedLight, LightHit, Receiver, Side, Source};
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
@@ -56,12 +59,23 @@ struct Chain {
     with_light: Vec<PathEvent>,
 }
 
+/// What a path does that goes straight through walls to a light: the last so many are those through one less.
+const BEHIND_WALLS: [PathEvent; MOST_PASSED + 1] = {
+    let mut events = [PathEvent::Transmission; MOST_PASSED + 1];
+    events[MOST_PASSED] = PathEvent::Light;
+    events
+};
+
 /// The stretch of a path since its last diffuse vertex.
 #[derive(Clone, Debug)]
 struct Stretch {
     /// The diffuse vertex; `None` before the first.
     from: Option<Origin>,
-    /// The specular vertices since then.
+    /// How many walls it has gone straight through since then, before any other specular vertex.
+    walls: usize,
+    /// How far it is to the last of them, metres.
+    length: f64,
+    /// The specular vertices since then, but for those walls.
     links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
     /// Whether no method owns it: of more specular vertices than any looks for, or over one that none searches.
     is_left_to_chance: bool,
@@ -69,11 +83,22 @@ struct Stretch {
 
 impl Stretch {
     fn new(from: Option<Origin>) -> Self {
-        Self { from, links: ArrayVec::new(), is_left_to_chance: false }
+        Self { from, walls: 0, length: 0.0, links: ArrayVec::new(), is_left_to_chance: false }
     }
 
     fn push(&mut self, link: Link) {
-        self.is_left_to_chance |= self.links.try_push(link).is_err();
+        self.is_left_to_chance |= self.walls > 0 || self.links.try_push(link).is_err();
+    }
+
+    /// Goes straight through a wall, `distance` behind the last vertex. No method searches it.
+    fn pass(&mut self, wall: Link, distance: f64) {
+        if self.links.is_empty() && self.walls < MOST_PASSED {
+            self.walls += 1;
+            self.length += distance;
+        } else {
+            self.push(wall);
+            self.is_left_to_chance = true;
+        }
     }
 }
 
@@ -93,6 +118,8 @@ struct Walk {
     ray_origin: SurfaceId,
     /// The pane in whose glass the ray is.
     inside: Option<(u32, Face)>,
+    /// What the body absorbs that the path has entered, per metre; zero in air.
+    body: DVec3,
     throughput: DVec3,
     stretch: Stretch,
     filter: Option<FilterState>,
@@ -139,6 +166,7 @@ impl<'a> PathTracer<'a> {
             ray,
             ray_origin: SurfaceId::Nothing,
             inside: None,
+            body: DVec3::ZERO,
             throughput: DVec3::ONE,
             stretch: Stretch::new(None),
             filter: self.filter.map(PathFilter::start),
@@ -165,6 +193,11 @@ impl<'a> PathTracer<'a> {
                 sample.radiance += self.emission_from_infinity(&walk, counters);
             }
             let Some(hit) = hit else { return sample };
+            if walk.inside.is_none()
+                && let Some((light, light_hit)) = self.scene.light_on(&hit)
+            {
+                sample.radiance += self.emission(&walk, light, &light_hit, counters);
+            }
             if walk.depth == 0 {
                 self.describe_first_hit(&walk.ray, &hit, &mut sample);
             }
@@ -242,7 +275,10 @@ impl<'a> PathTracer<'a> {
         let Some(Origin { point, receiver, pdf: density }) = walk.stretch.from else { return carried };
         if walk.stretch.links.is_empty() {
             let asked = self.scene.light_sampler().probability(light, &receiver);
-            let light_density = self.scene.lights()[light as usize].pdf_li(&walk.ray, hit) * asked;
+            // As seen from the vertex, before all walls.
+            let ray = Ray::new(point.position, walk.ray.direction);
+            let hit = LightHit { distance: walk.stretch.length + hit.distance, ..*hit };
+            let light_density = self.scene.pdf_li(light, &receiver, &ray, &hit) * asked;
             return carried * (density / (density + light_density));
         }
         let Some(method) = self.method else { return carried };
@@ -255,7 +291,13 @@ impl<'a> PathTracer<'a> {
         if walk.stretch.links[0].direction.dot(point.normal) <= 0.0 {
             return carried;
         }
-        let path = SpecularPath { light, source, last_direction: walk.ray.direction, links: &walk.stretch.links };
+        let path = SpecularPath {
+            light,
+            source,
+            triangle: hit.triangle,
+            last_direction: walk.ray.direction,
+            links: &walk.stretch.links,
+        };
         let is_owned = !walk.stretch.is_left_to_chance && method.owns(self.scene, &point, &path, counters);
         if is_owned { DVec3::ZERO } else { carried }
     }
@@ -279,6 +321,12 @@ impl<'a> PathTracer<'a> {
         let bsdf = self.scene.bsdf(triangle);
         let at = self.scene.surface_point(triangle, barycentric);
         let incident = walk.ray.direction;
+        let leaves = incident.dot(at.normals.geometric) > 0.0;
+        // A body ends here, whether the path has entered it or began in it.
+        let absorbs = if leaves && bsdf.absorption() != DVec3::ZERO { bsdf.absorption() } else { walk.body };
+        if absorbs != DVec3::ZERO {
+            walk.throughput *= absorption(absorbs, distance);
+        }
         let ray_origin = SurfaceId::Triangle(triangle);
         let position = walk.ray.at(distance);
         let mut point = None;
@@ -301,6 +349,9 @@ impl<'a> PathTracer<'a> {
         }
         let Some(next) = bsdf.sample(&at, incident, stream) else { return false };
         walk.throughput *= next.weight;
+        if bsdf.transmits() && next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0 {
+            walk.body = if leaves { DVec3::ZERO } else { bsdf.absorption() };
+        }
         walk.ray_origin = ray_origin;
         walk.ray = Ray::new(position, next.direction);
         match next.kind {
@@ -309,8 +360,13 @@ impl<'a> PathTracer<'a> {
                 true
             }
             SampleKind::Delta(event) => {
-                walk.stretch.is_left_to_chance |= bsdf.as_delta().is_none();
-                walk.stretch.push(Link { event, surface: ray_origin, position, direction: incident });
+                let link = Link { event, surface: ray_origin, position, direction: incident };
+                if event == SpecularEvent::Transmission && bsdf.as_straight().is_some() {
+                    walk.stretch.pass(link, distance);
+                } else {
+                    walk.stretch.is_left_to_chance |= bsdf.as_delta().is_none();
+                    walk.stretch.push(link);
+                }
                 self.advance(walk, event.into())
             }
         }
@@ -329,8 +385,8 @@ impl<'a> PathTracer<'a> {
         stream: &mut SampleStream,
         counters: &mut Counters,
     ) {
-        if self.accepts(walk.filter, &[PathEvent::Light]) {
-            *radiance += carried * self.direct_light(point, lobe, stream, counters);
+        if self.scene.has_straight_meshes() || self.accepts(walk.filter, &[PathEvent::Light]) {
+            *radiance += carried * self.direct_light(walk, point, lobe, stream, counters);
         }
         for chain in &self.chains {
             let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
@@ -343,6 +399,7 @@ impl<'a> PathTracer<'a> {
     /// Light straight from the lights, over the scale of the BSDF.
     fn direct_light(
         &self,
+        walk: &Walk,
         point: &ShadingPoint,
         lobe: &Lobe<'_>,
         stream: &mut SampleStream,
@@ -351,21 +408,19 @@ impl<'a> PathTracer<'a> {
         let mut sum = DVec3::ZERO;
         let asked = self.scene.light_sampler().ask(&lobe.receiver, stream);
         for AskedLight { light: index, probability } in asked {
-            let light = &self.scene.lights()[index as usize];
-            let Some(sample) = light.sample_li(point.position, stream.next_2d()) else { continue };
+            let Some(sample) = self.scene.sample_li(index, &lobe.receiver, stream) else { continue };
             let value = lobe.eval(sample.direction);
             if value == DVec3::ZERO {
                 continue;
             }
             let ray = Ray::new(point.position, sample.direction);
-            if self.scene.blocked(&ray, sample.distance, point.surface, None, Some(index), counters) {
-                continue;
-            }
+            let way = self.scene.straight_way(&ray, sample.distance, point.surface, index, counters);
+            let Some(way) = way.filter(|way| self.fits(walk, way.walls)) else { continue };
             let balance = sample.pdf.map_or(1.0, |pdf| {
                 let pdf = pdf * probability;
                 pdf / (pdf + lobe.pdf(sample.direction))
             });
-            sum += sample.weight * (value * balance) / probability;
+            sum += way.transmittance * sample.weight * (value * balance) / probability;
         }
         sum
     }
@@ -381,7 +436,7 @@ impl<'a> PathTracer<'a> {
     ) -> DVec3 {
         let mut sum = DVec3::ZERO;
         let Some(method) = self.method else { return sum };
-        let receiver = Receiver { position: point.position, side: Side::Anywhere };
+        let receiver = Receiver::anywhere(point.position);
         for AskedLight { light, probability } in self.scene.light_sampler().ask(&receiver, stream) {
             method.sample_li(self.scene, point, light, events, stream, counters, &mut |arrival| {
                 sum += arrival.weight * lobe.eval(arrival.direction) / probability;
@@ -432,6 +487,12 @@ impl<'a> PathTracer<'a> {
         true
     }
 
+    /// Whether a path that goes straight through so many walls to a light is rendered.
+    fn fits(&self, walk: &Walk, walls: usize) -> bool {
+        walk.depth as usize + walls <= self.max_depth as usize
+            && self.accepts(walk.filter, &BEHIND_WALLS[MOST_PASSED - walls..])
+    }
+
     fn accepts(&self, state: Option<FilterState>, events: &[PathEvent]) -> bool {
         match (self.filter, state) {
             (Some(filter), Some(state)) => filter.accepts(state, events),
@@ -454,4 +515,10 @@ impl<'a> PathTracer<'a> {
 }
 
 #[cfg(test)]
+mod opacity_tests;
+#[cfg(test)]
+mod shining;
+#[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod thin_wall_tests;

@@ -11,6 +11,7 @@ use crate::settings::{JsonPath, SceneError};
 use crate::specular::SpecularMethod;
 use crate::specular::cache::MethodCache;
 use crate::specular::environment::with_environment;
+use crate::texture::TextureDescription;
 
 /// A scene file that is ready to be rendered. It does not change any more.
 pub struct PreparedScene {
@@ -19,6 +20,7 @@ pub struct PreparedScene {
     file: SceneDescription,
     /// The same with the things of its imports among its own.
     description: SceneDescription,
+    import_notes: Vec<String>,
     /// The contents that the description names.
     assets: BTreeMap<String, ContentHash>,
     scene: Scene,
@@ -50,7 +52,7 @@ impl PreparedScene {
         if !file.imports.is_empty() {
             begin(BuildStep::Imports { count: file.imports.len() });
         }
-        let description = file.expanded(bundle.assets())?;
+        let (description, import_notes) = file.expanded_with_notes(bundle.assets())?;
         let name = |error| if file.imports.is_empty() { error } else { description.named(error) };
         let scene = Scene::build(description.parts(), bundle.assets(), begin).map_err(name)?;
         begin(BuildStep::SpecularMeshes);
@@ -59,6 +61,7 @@ impl PreparedScene {
             hash: bundle.scene_hash(),
             file: file.clone(),
             description: description.clone().into_owned(),
+            import_notes,
             assets: asset_hashes(bundle),
             method: method(&description, &scene, &cache),
             scene,
@@ -87,7 +90,8 @@ impl PreparedScene {
             ..file.clone()
         };
         let same_pictures = light_pictures(file).eq(light_pictures(&self.file));
-        if kept != self.file || !same_pictures || asset_hashes(bundle) != self.assets {
+        let same_surfaces = light_surfaces(file).eq(light_surfaces(&self.file));
+        if kept != self.file || !same_pictures || !same_surfaces || asset_hashes(bundle) != self.assets {
             return Self::build(bundle);
         }
         let description = file.expanded(bundle.assets())?;
@@ -147,6 +151,12 @@ impl PreparedScene {
         self.scene.obstacles()
     }
 
+    /// What is in the files of imports and not in the scene, or differs, in words: at most 100 sentences of 300
+    /// characters.
+    pub fn import_notes(&self) -> &[String] {
+        &self.import_notes
+    }
+
     /// What the integrator chooses where it chooses among methods, in words.
     pub fn chosen_methods(&self) -> Vec<String> {
         self.description.integrator.chosen(&self.scene)
@@ -172,6 +182,12 @@ fn method(description: &SceneDescription, scene: &Scene, cache: &MethodCache) ->
 /// The pictures of lights.
 fn light_pictures(description: &SceneDescription) -> impl Iterator<Item = &str> {
     description.lights.iter().filter_map(|light| light.picture().map(|(_, file)| file))
+}
+
+/// The meshes that are lights, with the pictures over them.
+fn light_surfaces(description: &SceneDescription) -> impl Iterator<Item = (&str, Option<&TextureDescription>)> {
+    let lights = description.lights.iter();
+    lights.filter_map(|light| Some((light.mesh()?, light.texture().map(|texture| texture.texture))))
 }
 
 fn asset_hashes(bundle: &SceneBundle) -> BTreeMap<String, ContentHash> {

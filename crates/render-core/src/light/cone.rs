@@ -18,15 +18,22 @@ pub struct EmissionCone {
     pub cos_normals: f64,
     /// Cosine of the largest angle between a normal and light that leaves.
     pub cos_emission: f64,
+    /// Whether surfaces emit to both sides: around the axis, and around its opposite.
+    pub has_both_sides: bool,
 }
 
 impl EmissionCone {
     /// Emission everywhere.
-    pub const EVERYWHERE: Self = Self { axis: DVec3::Z, cos_normals: -1.0, cos_emission: 0.0 };
+    pub const EVERYWHERE: Self = Self { axis: DVec3::Z, cos_normals: -1.0, cos_emission: 0.0, has_both_sides: false };
 
     /// Emission to one side of a plane.
     pub fn from_plane(normal: DVec3) -> Self {
-        Self { axis: normal, cos_normals: 1.0, cos_emission: 0.0 }
+        Self { axis: normal, cos_normals: 1.0, cos_emission: 0.0, has_both_sides: false }
+    }
+
+    /// Emission to both sides of a plane.
+    pub fn from_both_sides(normal: DVec3) -> Self {
+        Self { has_both_sides: true, ..Self::from_plane(normal) }
     }
 
     /// A cone around both.
@@ -34,6 +41,9 @@ impl EmissionCone {
         let cos_emission = self.cos_emission.min(other.cos_emission);
         let angle = |cosine: f64| libm::acos(cosine.clamp(-1.0, 1.0));
         let (wide, narrow) = if self.cos_normals <= other.cos_normals { (self, other) } else { (other, self) };
+        let has_both_sides = wide.has_both_sides || narrow.has_both_sides;
+        let is_turned = has_both_sides && wide.axis.dot(narrow.axis) < 0.0;
+        let narrow = if is_turned { Self { axis: -narrow.axis, ..narrow } } else { narrow };
         let (theta_a, theta_b) = (angle(wide.cos_normals), angle(narrow.cos_normals));
         let between = angle(wide.axis.dot(narrow.axis));
         // Nearly opposite axes have no plane in which to turn that rounding does not decide.
@@ -41,7 +51,7 @@ impl EmissionCone {
             return Self { cos_emission, ..Self::EVERYWHERE };
         }
         if (between + theta_b).min(PI) <= theta_a {
-            return Self { cos_emission, ..wide };
+            return Self { cos_emission, has_both_sides, ..wide };
         }
         let theta = 0.5 * (theta_a + between + theta_b);
         if theta >= PI {
@@ -52,7 +62,7 @@ impl EmissionCone {
         };
         let turned = theta - theta_a;
         let axis = (wide.axis * libm::cos(turned) + across * libm::sin(turned)).normalize();
-        Self { axis, cos_normals: libm::cos(theta), cos_emission }
+        Self { axis, cos_normals: libm::cos(theta), cos_emission, has_both_sides }
     }
 
     /// The measure of orientation in the cost of a split (equation 1 of the paper).
@@ -68,6 +78,7 @@ impl EmissionCone {
     /// Upper bound of the cosine between a normal in the cone and the direction to a point, at an angle of `cos_axis`
     /// to the axis, from a region that is seen under `cos_region`. Zero where no light leaves towards the point.
     pub(super) fn largest_cosine(&self, cos_axis: f64, cos_region: f64) -> f64 {
+        let cos_axis = if self.has_both_sides { cos_axis.abs() } else { cos_axis };
         let sine = |cosine: f64| (1.0 - cosine * cosine).max(0.0).sqrt();
         // cos(max(0, a - b)), from cosines.
         let cos_difference = |[sin_a, cos_a]: [f64; 2], [sin_b, cos_b]: [f64; 2]| {

@@ -8,6 +8,7 @@ use clerestory_film::{SampleStream, SamplerSettings, TrialStream};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
+use super::tests::roofs;
 use super::*;
 use crate::geometry::{Frame, Ray};
 use crate::settings::JsonPath;
@@ -39,7 +40,7 @@ fn pair(random: &mut TrialStream) -> DVec2 {
 }
 
 /// A sky of 12 x 6 texels: blue above and brown below, with a bright patch.
-fn sky() -> EnvironmentMaps {
+fn sky() -> LightAssets {
     let mut random = random();
     let mut texels = [[0.0_f32; 72]; 3];
     for place in 0..72 {
@@ -52,7 +53,12 @@ fn sky() -> EnvironmentMaps {
         channel[17] = level;
     }
     let file = encode_exr(12, 6, &[("B", &texels[2]), ("G", &texels[1]), ("R", &texels[0])]);
-    EnvironmentMaps::from([(FILE.to_owned(), Arc::new(EnvironmentMap::decode(&file).unwrap()))])
+    with_sky(&file)
+}
+
+fn with_sky(file: &[u8]) -> LightAssets {
+    let environments = EnvironmentMaps::from([(FILE.to_owned(), Arc::new(EnvironmentMap::decode(file).unwrap()))]);
+    LightAssets { environments, ..roofs() }
 }
 
 fn described(description: Value) -> LightDescription {
@@ -79,6 +85,8 @@ fn descriptions() -> Vec<LightDescription> {
         json!({"disk": {
             "name": "disk", "centre": [-0.3, 0.4, 1.2], "normal": [0.2, -0.1, -1], "radius": 0.45,
             "radiance": [3, 1, 2]}}),
+        json!({"mesh": {"name": "roof", "mesh": "roof", "radiance": [1, 2, 3]}}),
+        json!({"mesh": {"name": "painted roof", "mesh": "painted", "radiance": [3, 2, 1]}}),
         json!({"sun": {"name": "sun", "direction": [0.1, 0.2, 1], "angular_radius": 3, "radiance": [1, 1, 1]}}),
         json!({"environment": {"name": "even", "radiance": {"colour": [1, 2, 3]}}}),
     ]
@@ -154,7 +162,10 @@ impl Seen {
         let mut counts = vec![0.0; BINS[0] * BINS[1]];
         let mut random = random();
         for _ in 0..SAMPLES {
-            let sample = self.light.sample_li(self.point, pair(&mut random)).expect("the light is in front");
+            let sample = self
+                .light
+                .sample_li(&Receiver::anywhere(self.point), pair(&mut random))
+                .expect("the light is in front");
             let place = self.place(sample.direction);
             let [row, column] = [0, 1].map(|axis| ((place[axis] * BINS[axis] as f64) as usize).min(BINS[axis] - 1));
             counts[row * BINS[1] + column] += 1.0;
@@ -191,7 +202,7 @@ impl Seen {
 
 fn pdf_of(light: &Light, point: DVec3, direction: DVec3) -> f64 {
     let ray = Ray::new(point, direction);
-    light.intersect(&ray).map_or(0.0, |hit| light.pdf_li(&ray, &hit))
+    light.intersect(&ray).map_or(0.0, |hit| light.pdf_li(&Receiver::anywhere(ray.origin), &ray, &hit))
 }
 
 /// All lights that have an extent, from all points.
@@ -264,7 +275,7 @@ fn sampling_brings_the_irradiance_that_quadrature_finds() {
         // As the path tracer does: together with directions that a diffuse surface draws, by the balance heuristic.
         let estimates: Vec<f64> = (0..SAMPLES)
             .map(|_| {
-                let sample = seen.light.sample_li(seen.point, pair(&mut random)).unwrap();
+                let sample = seen.light.sample_li(&Receiver::anywhere(seen.point), pair(&mut random)).unwrap();
                 let (pdf, cosine) = (sample.pdf.unwrap(), sample.direction.dot(normal).max(0.0));
                 let by_light = sample.weight.x * cosine * pdf / (pdf + cosine / PI);
                 let drawn = pair(&mut random);
@@ -312,7 +323,7 @@ fn sources_at_infinity_are_drawn_with_the_stated_density_and_without_compensatio
 
 #[test]
 fn a_spot_has_its_whole_intensity_inside_and_none_outside() {
-    let light = Light::new(&descriptions()[1], &EnvironmentMaps::new());
+    let light = Light::new(&descriptions()[1], &LightAssets::default());
     let axis = DVec3::new(-0.2, 0.0, -1.0).normalize();
     let across = axis.any_orthonormal_vector();
     let at = |degrees: f64| {
@@ -334,20 +345,20 @@ fn a_spot_has_its_whole_intensity_inside_and_none_outside() {
 
 #[test]
 fn a_spot_lights_what_it_points_at() {
-    let light = Light::new(&descriptions()[1], &EnvironmentMaps::new());
+    let light = Light::new(&descriptions()[1], &LightAssets::default());
     let position = DVec3::new(0.4, 0.3, 1.0);
     let below = position + DVec3::new(-0.4, 0.0, -2.0);
-    let sample = light.sample_li(below, DVec2::ZERO).unwrap();
+    let sample = light.sample_li(&Receiver::anywhere(below), DVec2::ZERO).unwrap();
     let distance = below.distance(position);
     assert!((sample.direction - (position - below) / distance).length() < 1e-15);
     assert!((sample.weight - DVec3::new(1.0, 2.0, 3.0) / (distance * distance)).length() < 1e-12);
-    assert_eq!(light.sample_li(position + DVec3::Z, DVec2::ZERO), None);
-    assert_eq!(light.sample_li(position, DVec2::ZERO), None);
+    assert_eq!(light.sample_li(&Receiver::anywhere(position + DVec3::Z), DVec2::ZERO), None);
+    assert_eq!(light.sample_li(&Receiver::anywhere(position), DVec2::ZERO), None);
     let sharp = described(json!({"spot": {
         "name": "sharp", "position": [0, 0, 0], "direction": [0, 0, 1], "intensity": [1, 1, 1],
         "inner_angle": 30, "outer_angle": 30}}));
-    let sharp = Light::new(&sharp, &EnvironmentMaps::new());
-    let at = |x: f64| sharp.sample_li(DVec3::new(x, 0.0, 1.0), DVec2::ZERO).is_some();
+    let sharp = Light::new(&sharp, &LightAssets::default());
+    let at = |x: f64| sharp.sample_li(&Receiver::anywhere(DVec3::new(x, 0.0, 1.0)), DVec2::ZERO).is_some();
     assert!(at(0.577) && !at(0.578));
 }
 
@@ -357,7 +368,7 @@ fn pictures_lie_as_blender_has_them_and_a_rotation_makes_them_mitsubas() {
     let [width, height] = [8, 4];
     let values: Vec<f32> = (0..32).map(|value| value as f32).collect();
     let file = encode_exr(width, height, &[("Y", &values)]);
-    let maps = EnvironmentMaps::from([(FILE.to_owned(), Arc::new(EnvironmentMap::decode(&file).unwrap()))]);
+    let maps = with_sky(&file);
     let light = |rotate| Light::new(&environment(rotate), &maps);
     let [blender, mitsuba] = [light([0.0; 3]), light([-90.0, -90.0, 0.0])];
     for row in 0..height {

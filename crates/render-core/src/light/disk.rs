@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::flat::{FlatLight, FlatShape};
-use super::{Emitter, EnvironmentMaps, LightSettings};
+use super::{Emitter, LightAssets, LightSettings};
 use crate::exchange::LightModel;
 use crate::geometry::Frame;
 use crate::settings::check::{check_above, check_direction, check_triple};
@@ -63,7 +63,7 @@ impl LightSettings for DiskLight {
         })
     }
 
-    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn build(&self, _: &LightAssets) -> Arc<dyn Emitter> {
         Arc::new(FlatLight {
             frame: Frame { origin: self.centre.into(), ..Frame::around(DVec3::from(self.normal).normalize()) },
             shape: Disk { radius: self.radius },

@@ -1,10 +1,11 @@
 //! What a light does: where it is, how it is sampled, where rays meet it.
 
 use std::fmt;
+use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use super::EmissionCone;
+use super::{EmissionCone, Receiver};
 use crate::geometry::{Frame, Ray};
 
 /// Where light comes from: a point, or a direction for a light at infinity.
@@ -33,9 +34,21 @@ pub struct SourceSample {
     pub source: Source,
     /// Unit normal of the light's surface; `None` for a point light and lights at infinity.
     pub normal: Option<DVec3>,
+    /// The triangle of the scene on which it lies, and which shines to both sides; `None` for lights that are no
+    /// surfaces of the scene.
+    pub triangle: Option<u32>,
     /// Largest intensity of a point light [W/sr], else radiance [W/(m2 sr)], divided by the probability density: per
     /// area for surfaces, per solid angle for lights at infinity, 1 for a point light.
     pub weight: DVec3,
+}
+
+impl SourceSample {
+    /// The cosine at which light leaves the surface against `direction`, a unit vector towards the light; 1 for lights
+    /// without a surface.
+    pub fn cosine(&self, direction: DVec3) -> f64 {
+        let cosine = self.normal.map_or(1.0, |normal| -normal.dot(direction));
+        if self.triangle.is_some() { cosine.abs() } else { cosine }
+    }
 }
 
 /// A direction from a shading point straight to a light, drawn at random.
@@ -58,6 +71,8 @@ pub struct LightHit {
     pub distance: f64,
     /// Radiance towards the ray's origin (`le`); zero on the dark side of a rectangle or a disk.
     pub radiance: DVec3,
+    /// The triangle of the scene that is met, where the light is made of such.
+    pub triangle: Option<u32>,
 }
 
 /// A region that holds all of a light.
@@ -135,8 +150,18 @@ pub trait Emitter: fmt::Debug + Send + Sync {
         }
     }
 
-    /// Its shape; `None` for a light that is nowhere.
+    /// Its shape; `None` for a light that is nowhere or a surface of the scene.
     fn body(&self) -> Option<Body>;
+
+    /// The triangles of the scene that shine, where the light is made of such. Rays meet them as surfaces of the scene.
+    fn triangles(&self) -> Option<Range<u32>> {
+        None
+    }
+
+    /// Radiance of a point of one of these triangles. The weights of its second and third corner are `barycentric`.
+    fn radiance_at(&self, _triangle: u32, _barycentric: [f64; 2]) -> DVec3 {
+        DVec3::ZERO
+    }
 
     /// The largest solid angle at which the light may be seen from a box; `None` for a point light.
     fn largest_solid_angle(&self, bounds: [DVec3; 2]) -> Option<f64>;
@@ -152,15 +177,16 @@ pub trait Emitter: fmt::Debug + Send + Sync {
     /// The source where a ray meets the light, and the cosine of the angle at which it does; 1 for lights at infinity.
     fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64);
 
-    /// Unit normal of the light's surface at a source; `None` for a point light and lights at infinity.
-    fn normal_at(&self, source: Source) -> Option<DVec3>;
+    /// Unit normal of the light's surface at a source where a ray meets it; `None` for a point light and lights at
+    /// infinity.
+    fn normal_at(&self, source: Source, hit: &LightHit) -> Option<DVec3>;
 
-    /// Draws a direction in which the light is seen from `point` if nothing is in the way; `None` when it cannot be.
-    fn sample_li(&self, point: DVec3, random: DVec2) -> Option<LiSample>;
+    /// Draws a direction in which the light is seen from a point if nothing is in the way; `None` when it cannot be.
+    fn sample_li(&self, receiver: &Receiver, random: DVec2) -> Option<LiSample>;
 
-    /// Density per solid angle with which [`Self::sample_li`] draws, from the ray's origin, the direction of a ray that
-    /// meets the light at `hit`.
-    fn pdf_li(&self, ray: &Ray, hit: &LightHit) -> f64;
+    /// Density per solid angle with which [`Self::sample_li`] draws, from the point where a ray begins, the direction
+    /// of the ray, which meets the light at `hit`.
+    fn pdf_li(&self, receiver: &Receiver, ray: &Ray, hit: &LightHit) -> f64;
 
     /// Where a ray meets the light from outside; `None` when it misses.
     fn intersect(&self, ray: &Ray) -> Option<LightHit>;
@@ -170,6 +196,6 @@ pub trait Emitter: fmt::Debug + Send + Sync {
         let (source, _) = self.source_at(ray, hit);
         let density = self.source_density(centre, radius, source);
         let weight = if density > 0.0 { hit.radiance / density } else { DVec3::ZERO };
-        SourceSample { source, normal: self.normal_at(source), weight }
+        SourceSample { source, normal: self.normal_at(source, hit), triangle: hit.triangle, weight }
     }
 }

@@ -8,8 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::environment_map::{EnvironmentMap, Partner, SPHERE};
 use super::{
-    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
+    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
+    SourceSample,
 };
+use crate::exchange::{LightModel, RadianceModel};
 use crate::geometry::rotation::rotation;
 use crate::geometry::{Frame, Ray};
 use crate::settings::check::{check_asset_name, check_range, check_triple};
@@ -92,12 +94,29 @@ impl LightSettings for EnvironmentLight {
         check_triple(self.rotate, -36_000.0, 36_000.0, &path.member("rotate"))
     }
 
-    fn build(&self, maps: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn model(&self) -> Option<LightModel> {
+        let radiance = match &self.radiance {
+            EnvironmentRadiance::Colour(colour) => RadianceModel::Colour(colour.map(|channel| channel * self.scale)),
+            EnvironmentRadiance::Picture { file } => {
+                let axes = rotation(self.rotate);
+                RadianceModel::Picture {
+                    file: file.clone(),
+                    scale: self.scale,
+                    middle: axes.x_axis.to_array(),
+                    left: axes.y_axis.to_array(),
+                    up: axes.z_axis.to_array(),
+                }
+            }
+        };
+        Some(LightModel::Environment { radiance })
+    }
+
+    fn build(&self, assets: &LightAssets) -> Arc<dyn Emitter> {
         let (scale, frame) = (self.scale, Frame { origin: DVec3::ZERO, axes: rotation(self.rotate) });
         let surrounding = match &self.radiance {
             EnvironmentRadiance::Colour(colour) => Surrounding::Uniform(DVec3::from(*colour) * scale),
             EnvironmentRadiance::Picture { file } => {
-                let map = maps.get(file).expect("every picture is decoded before lights are built");
+                let map = assets.environments.get(file).expect("every picture is decoded before lights are built");
                 Surrounding::Map { map: Arc::clone(map), scale, frame }
             }
         };
@@ -185,7 +204,7 @@ impl Emitter for Environment {
     fn sample_source(&self, _: DVec3, _: f64, random: DVec2) -> SourceSample {
         let direction = self.sample(Partner::None, random);
         let weight = self.radiance(direction) / self.pdf(Partner::None, direction);
-        SourceSample { source: Source::Direction(direction), normal: None, weight }
+        SourceSample { source: Source::Direction(direction), normal: None, triangle: None, weight }
     }
 
     fn source_density(&self, _: DVec3, _: f64, source: Source) -> f64 {
@@ -199,11 +218,11 @@ impl Emitter for Environment {
         (Source::Direction(ray.direction), 1.0)
     }
 
-    fn normal_at(&self, _: Source) -> Option<DVec3> {
+    fn normal_at(&self, _: Source, _: &LightHit) -> Option<DVec3> {
         None
     }
 
-    fn sample_li(&self, _: DVec3, random: DVec2) -> Option<LiSample> {
+    fn sample_li(&self, _: &Receiver, random: DVec2) -> Option<LiSample> {
         let direction = self.sample(Partner::Bsdf, random);
         let pdf = self.pdf(Partner::Bsdf, direction);
         (pdf > 0.0).then(|| LiSample {
@@ -214,11 +233,11 @@ impl Emitter for Environment {
         })
     }
 
-    fn pdf_li(&self, ray: &Ray, _: &LightHit) -> f64 {
+    fn pdf_li(&self, _: &Receiver, ray: &Ray, _: &LightHit) -> f64 {
         self.pdf(Partner::Bsdf, ray.direction)
     }
 
     fn intersect(&self, ray: &Ray) -> Option<LightHit> {
-        Some(LightHit { distance: f64::INFINITY, radiance: self.radiance(ray.direction) })
+        Some(LightHit { distance: f64::INFINITY, radiance: self.radiance(ray.direction), triangle: None })
     }
 }

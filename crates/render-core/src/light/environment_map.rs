@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::sphere_density::{SphereDensity, place_of, row_edges};
 use crate::settings::AssetProblem;
-use crate::texture::radiance_picture::RadiancePicture;
+use crate::texture::RadiancePicture;
 
 /// Columns and rows of the density at the most.
 const MAX_CELLS: [usize; 2] = [1024, 512];

@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::flat::{FlatLight, FlatShape};
-use super::{Emitter, EnvironmentMaps, LightSettings};
+use super::{Emitter, LightAssets, LightSettings};
 use crate::geometry::Frame;
 use crate::settings::check::{check_above, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -51,7 +51,7 @@ impl LightSettings for EllipseLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn build(&self, _: &LightAssets) -> Arc<dyn Emitter> {
         Arc::new(FlatLight {
             frame: Frame { origin: self.centre.into(), ..Frame::around(DVec3::from(self.normal).normalize()) },
             shape: Ellipse { half_axes: self.half_axes.into() },

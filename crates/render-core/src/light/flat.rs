@@ -5,7 +5,7 @@ use std::fmt::Debug;
 
 use glam::{DVec2, DVec3};
 
-use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
+use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, Receiver, Source, SourceSample};
 use crate::geometry::{Frame, Ray};
 
 /// A shape in the plane of x and y, around the origin.
@@ -78,6 +78,7 @@ impl<S: FlatShape> Emitter for FlatLight<S> {
         SourceSample {
             source: Source::Point(self.frame.point_to_world(self.shape.sample(random).extend(0.0))),
             normal: Some(self.frame.axes.z_axis),
+            triangle: None,
             weight: self.radiance * self.shape.area(),
         }
     }
@@ -90,13 +91,13 @@ impl<S: FlatShape> Emitter for FlatLight<S> {
         (Source::Point(ray.at(hit.distance)), -self.frame.axes.z_axis.dot(ray.direction))
     }
 
-    fn normal_at(&self, _: Source) -> Option<DVec3> {
+    fn normal_at(&self, _: Source, _: &LightHit) -> Option<DVec3> {
         Some(self.frame.axes.z_axis)
     }
 
-    fn sample_li(&self, point: DVec3, random: DVec2) -> Option<LiSample> {
+    fn sample_li(&self, receiver: &Receiver, random: DVec2) -> Option<LiSample> {
         let position = self.frame.point_to_world(self.shape.sample(random).extend(0.0));
-        let offset = position - point;
+        let offset = position - receiver.position;
         let distance_squared = offset.length_squared();
         let distance = distance_squared.sqrt();
         let direction = offset / distance;
@@ -111,7 +112,7 @@ impl<S: FlatShape> Emitter for FlatLight<S> {
         })
     }
 
-    fn pdf_li(&self, ray: &Ray, hit: &LightHit) -> f64 {
+    fn pdf_li(&self, _: &Receiver, ray: &Ray, hit: &LightHit) -> f64 {
         let cosine = -ray.direction.dot(self.frame.axes.z_axis);
         if cosine > 0.0 { hit.distance * hit.distance / (self.shape.area() * cosine) } else { 0.0 }
     }
@@ -125,6 +126,6 @@ impl<S: FlatShape> Emitter for FlatLight<S> {
         }
         let point = origin + direction * distance;
         let radiance = if direction.z < 0.0 { self.radiance } else { DVec3::ZERO };
-        self.shape.holds(point.truncate()).then_some(LightHit { distance, radiance })
+        self.shape.holds(point.truncate()).then_some(LightHit { distance, radiance, triangle: None })
     }
 }

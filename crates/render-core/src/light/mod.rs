@@ -2,6 +2,7 @@
 //!
 //! `registry` lists the kinds. Everything else sees a light through [`Emitter`] and never asks for its kind.
 
+mod assets;
 mod cap;
 mod cone;
 #[cfg(test)]
@@ -13,6 +14,7 @@ mod environment_map;
 #[cfg(test)]
 mod example;
 mod flat;
+mod mesh;
 mod point;
 mod receiver;
 mod rectangle;
@@ -29,11 +31,14 @@ mod tree;
 use std::ops::Deref;
 use std::sync::Arc;
 
+pub use assets::LightAssets;
+pub(crate) use assets::{ShiningPicture, ShiningSurface};
 pub use cone::EmissionCone;
 pub use disk::DiskLight;
 pub use emitter::{Body, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
 pub use environment::{EnvironmentLight, EnvironmentRadiance};
 pub use environment_map::{EnvironmentMap, EnvironmentMaps};
+pub use mesh::MeshLight;
 pub use point::PointLight;
 pub use receiver::{Receiver, Side};
 pub use rectangle::RectangleLight;
@@ -45,8 +50,12 @@ pub use spot::SpotLight;
 pub use sun::SunLight;
 pub(crate) use tree::{Chosen, Cluster, LightTree};
 
+use clerestory_film::SampleStream;
+use glam::DVec2;
+
 use crate::exchange::LightModel;
 use crate::settings::{Check, JsonPath, Triple};
+use crate::texture::TextureUse;
 
 /// A light is seldom met where its solid angle is below this, steradians. An image of some thousand samples then shows
 /// it as single bright pixels.
@@ -85,6 +94,16 @@ pub trait LightSettings {
         None
     }
 
+    /// Name of the mesh of the scene that is the light ([`Emitter::triangles`]).
+    fn mesh(&self) -> Option<&str> {
+        None
+    }
+
+    /// The picture over that mesh, with its place below the settings.
+    fn texture(&self) -> Option<TextureUse<'_>> {
+        None
+    }
+
     /// Checks all settings but the name.
     ///
     /// # Errors
@@ -92,13 +111,13 @@ pub trait LightSettings {
     /// The first setting that makes no sense, with its place, what stands there and what would be right.
     fn check(&self, path: &JsonPath<'_>) -> Check;
 
-    /// What it is for other programs; `None` if it cannot be exported.
+    /// What it is for other programs; `None` if no model describes it.
     fn model(&self) -> Option<LightModel> {
         None
     }
 
-    /// The light, from settings that have been checked and with pictures that have been decoded.
-    fn build(&self, maps: &EnvironmentMaps) -> Arc<dyn Emitter>;
+    /// The light, from settings that have been checked.
+    fn build(&self, assets: &LightAssets) -> Arc<dyn Emitter>;
 }
 
 /// A light of the scene.
@@ -110,9 +129,16 @@ pub struct Light {
 }
 
 impl Light {
-    /// The light of settings that have been checked, with pictures that have been decoded.
-    pub fn new(description: &LightDescription, maps: &EnvironmentMaps) -> Self {
-        Self { name: description.name().to_owned(), emitter: description.build(maps) }
+    /// The light of settings that have been checked.
+    pub fn new(description: &LightDescription, assets: &LightAssets) -> Self {
+        Self { name: description.name().to_owned(), emitter: description.build(assets) }
+    }
+
+    /// Two numbers in [0, 1) by which a point of it may be drawn. Where the first chooses among many triangles, it has
+    /// more places than others.
+    pub(crate) fn random(&self, stream: &mut SampleStream) -> DVec2 {
+        let random = stream.next_2d();
+        if self.triangles().is_none() { random } else { DVec2::new(with_finer_places(random.x, stream), random.y) }
     }
 }
 

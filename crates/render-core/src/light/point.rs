@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
+    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
+    SourceSample,
 };
 use crate::exchange::LightModel;
 use crate::geometry::Ray;
@@ -52,7 +53,7 @@ impl LightSettings for PointLight {
         Some(LightModel::Point { position: self.position, intensity: self.intensity })
     }
 
-    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn build(&self, _: &LightAssets) -> Arc<dyn Emitter> {
         Arc::new(Point { position: self.position.into(), intensity: self.intensity.into() })
     }
 }
@@ -94,7 +95,7 @@ impl Emitter for Point {
     }
 
     fn sample_source(&self, _: DVec3, _: f64, _: DVec2) -> SourceSample {
-        SourceSample { source: Source::Point(self.position), normal: None, weight: self.intensity }
+        SourceSample { source: Source::Point(self.position), normal: None, triangle: None, weight: self.intensity }
     }
 
     fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {
@@ -105,12 +106,12 @@ impl Emitter for Point {
         (Source::Point(ray.at(hit.distance)), 1.0)
     }
 
-    fn normal_at(&self, _: Source) -> Option<DVec3> {
+    fn normal_at(&self, _: Source, _: &LightHit) -> Option<DVec3> {
         None
     }
 
-    fn sample_li(&self, point: DVec3, _: DVec2) -> Option<LiSample> {
-        let offset = self.position - point;
+    fn sample_li(&self, receiver: &Receiver, _: DVec2) -> Option<LiSample> {
+        let offset = self.position - receiver.position;
         let distance = offset.length();
         (distance > 0.0).then(|| LiSample {
             direction: offset / distance,
@@ -120,7 +121,7 @@ impl Emitter for Point {
         })
     }
 
-    fn pdf_li(&self, _: &Ray, _: &LightHit) -> f64 {
+    fn pdf_li(&self, _: &Receiver, _: &Ray, _: &LightHit) -> f64 {
         0.0
     }
 

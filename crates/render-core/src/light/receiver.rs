@@ -11,6 +11,13 @@ pub struct Receiver {
     pub side: Side,
 }
 
+impl Receiver {
+    /// A point at which light may arrive from anywhere.
+    pub const fn anywhere(position: DVec3) -> Self {
+        Self { position, side: Side::Anywhere }
+    }
+}
+
 /// From where light counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Side {

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::flat::{FlatLight, FlatShape};
-use super::{Emitter, EnvironmentMaps, LightSettings};
+use super::{Emitter, LightAssets, LightSettings};
 use crate::exchange::LightModel;
 use crate::geometry::Frame;
 use crate::settings::check::{MIN_SINE, Numbers, check_direction, check_triple};
@@ -58,7 +58,7 @@ impl LightSettings for RectangleLight {
         Some(LightModel::Rectangle { centre, edge_u, edge_v, radiance })
     }
 
-    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn build(&self, _: &LightAssets) -> Arc<dyn Emitter> {
         let (edge_u, edge_v) = (DVec3::from(self.edge_u), DVec3::from(self.edge_v));
         let normal = edge_u.cross(edge_v).normalize();
         let x = edge_u.normalize();

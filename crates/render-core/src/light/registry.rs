@@ -1,6 +1,8 @@
 //! The registry of lights.
 
-use super::{DiskLight, EnvironmentLight, LightSettings, PointLight, RectangleLight, SphereLight, SpotLight, SunLight};
+use super::{
+    DiskLight, EnvironmentLight, LightSettings, MeshLight, PointLight, RectangleLight, SphereLight, SpotLight, SunLight,
+};
 use crate::settings::kinds;
 
 kinds! {
@@ -11,6 +13,7 @@ kinds! {
         "sphere" => Sphere(SphereLight),
         "rectangle" => Rectangle(RectangleLight),
         "disk" => Disk(DiskLight),
+        "mesh" => Mesh(MeshLight),
         "sun" => Sun(SunLight),
         "environment" => Environment(EnvironmentLight),
     }

@@ -28,7 +28,7 @@ pub struct AskedLight {
 pub struct LightSampler {
     count: u32,
     tree: LightTree,
-    /// The first lights that are somewhere: all of them where all lights are asked.
+    /// The first lights that are somewhere and no surfaces of the scene: all of them where all lights are asked.
     near: ArrayVec<u32, MOST_ASKED>,
     /// Lights at infinity that have a direction.
     suns: Vec<Sun>,
@@ -67,7 +67,9 @@ impl LightSampler {
             LightBounds::Ball { .. } | LightBounds::Everywhere => None,
         };
         let numbered = || (0u32..).zip(lights);
-        let near = numbered().filter(|(_, light)| light.bounding_box().is_some());
+        // Rays meet surfaces of the scene without this list.
+        let is_near = |light: &Light| light.bounding_box().is_some() && light.triangles().is_none();
+        let near = numbered().filter(|(_, light)| is_near(light));
         Self {
             count: lights.len() as u32,
             tree: LightTree::new(lights),
@@ -140,8 +142,8 @@ impl LightSampler {
         self.environment
     }
 
-    /// Visits the lights that a ray may meet before `end`, none of which is at infinity, until one says that it is
-    /// enough. Answers whether one did.
+    /// Visits the lights that a ray may meet before `end`, until one says that it is enough. None of them is at
+    /// infinity or a surface of the scene. Answers whether one did.
     pub fn on_ray(&self, ray: &Ray, end: f64, visit: &mut dyn FnMut(u32) -> bool) -> bool {
         if self.asks_all() { self.near.iter().copied().any(visit) } else { self.tree.on_ray(ray, end, visit) }
     }

@@ -8,8 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
-    cap,
+    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
+    SourceSample, cap,
 };
 use crate::exchange::LightModel;
 use crate::geometry::{Frame, Ray};
@@ -54,7 +54,7 @@ impl LightSettings for SphereLight {
         Some(LightModel::Sphere { centre: self.centre, radius: self.radius, radiance: self.radiance })
     }
 
-    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn build(&self, _: &LightAssets) -> Arc<dyn Emitter> {
         Arc::new(Sphere { centre: self.centre.into(), radius: self.radius, radiance: self.radiance.into() })
     }
 }
@@ -127,7 +127,7 @@ impl Emitter for Sphere {
         let source = Source::Point(self.centre + normal * self.radius);
         let density = self.source_density(centre, radius, source);
         let weight = if density > 0.0 { self.radiance / density } else { DVec3::ZERO };
-        SourceSample { source, normal: Some(normal), weight }
+        SourceSample { source, normal: Some(normal), triangle: None, weight }
     }
 
     fn source_density(&self, centre: DVec3, radius: f64, source: Source) -> f64 {
@@ -143,26 +143,26 @@ impl Emitter for Sphere {
         (Source::Point(position), (-(position - self.centre).dot(ray.direction) / self.radius).max(0.0))
     }
 
-    fn normal_at(&self, source: Source) -> Option<DVec3> {
+    fn normal_at(&self, source: Source, _: &LightHit) -> Option<DVec3> {
         let Source::Point(position) = source else { return None };
         Some((position - self.centre) / self.radius)
     }
 
-    fn sample_li(&self, point: DVec3, random: DVec2) -> Option<LiSample> {
-        let (axis, cos_radius, sin_radius) = self.subtended_cap(point)?;
+    fn sample_li(&self, receiver: &Receiver, random: DVec2) -> Option<LiSample> {
+        let (axis, cos_radius, sin_radius) = self.subtended_cap(receiver.position)?;
         let (direction, solid_angle) = cap::sample(axis, cos_radius, sin_radius, random);
         // A light that is too far or too small for a density sends nothing.
         if !solid_angle.is_normal() {
             return None;
         }
-        let hit = self.intersect(&Ray::new(point, direction));
+        let hit = self.intersect(&Ray::new(receiver.position, direction));
         // Rounding can push a direction at the limb past the sphere: the limb is then at the tangent length.
-        let offset = self.centre - point;
+        let offset = self.centre - receiver.position;
         let distance = hit.map_or_else(|| direction.dot(offset), |hit| hit.distance);
         Some(LiSample { direction, distance, weight: self.radiance * solid_angle, pdf: Some(1.0 / solid_angle) })
     }
 
-    fn pdf_li(&self, ray: &Ray, _: &LightHit) -> f64 {
+    fn pdf_li(&self, _: &Receiver, ray: &Ray, _: &LightHit) -> f64 {
         self.subtended_cap(ray.origin)
             .map_or(0.0, |(_, cos_radius, sin_radius)| 1.0 / cap::solid_angle(cos_radius, sin_radius))
     }
@@ -176,7 +176,7 @@ impl Emitter for Sphere {
         if along <= 0.0 || across_squared > radius * radius || offset.length_squared() <= radius * radius {
             return None;
         }
-        Some(LightHit { distance: along - (radius * radius - across_squared).sqrt(), radiance })
+        Some(LightHit { distance: along - (radius * radius - across_squared).sqrt(), radiance, triangle: None })
     }
 }
 

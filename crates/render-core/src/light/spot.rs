@@ -15,8 +15,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
+    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
+    SourceSample,
 };
+use crate::exchange::LightModel;
 use crate::geometry::Ray;
 use crate::settings::check::{check_above, check_direction, check_range, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -70,7 +72,17 @@ impl LightSettings for SpotLight {
         check_range(self.inner_angle, 0.0, self.outer_angle, &path.member("inner_angle"))
     }
 
-    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn model(&self) -> Option<LightModel> {
+        Some(LightModel::Spot {
+            position: self.position,
+            direction: DVec3::from(self.direction).normalize().to_array(),
+            intensity: self.intensity,
+            inner_angle: self.inner_angle,
+            outer_angle: self.outer_angle,
+        })
+    }
+
+    fn build(&self, _: &LightAssets) -> Arc<dyn Emitter> {
         let [inner, outer] = [self.inner_angle, self.outer_angle].map(f64::to_radians);
         Arc::new(Spot {
             position: self.position.into(),
@@ -82,6 +94,7 @@ impl LightSettings for SpotLight {
                 axis: DVec3::from(self.direction).normalize(),
                 cos_normals: libm::cos(inner),
                 cos_emission: libm::cos((outer - inner + SLACK).min(0.5 * PI)),
+                has_both_sides: false,
             },
         })
     }
@@ -148,7 +161,7 @@ impl Emitter for Spot {
     }
 
     fn sample_source(&self, _: DVec3, _: f64, _: DVec2) -> SourceSample {
-        SourceSample { source: Source::Point(self.position), normal: None, weight: self.intensity }
+        SourceSample { source: Source::Point(self.position), normal: None, triangle: None, weight: self.intensity }
     }
 
     fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {
@@ -159,12 +172,12 @@ impl Emitter for Spot {
         (Source::Point(ray.at(hit.distance)), 1.0)
     }
 
-    fn normal_at(&self, _: Source) -> Option<DVec3> {
+    fn normal_at(&self, _: Source, _: &LightHit) -> Option<DVec3> {
         None
     }
 
-    fn sample_li(&self, point: DVec3, _: DVec2) -> Option<LiSample> {
-        let offset = self.position - point;
+    fn sample_li(&self, receiver: &Receiver, _: DVec2) -> Option<LiSample> {
+        let offset = self.position - receiver.position;
         let distance = offset.length();
         let direction = offset / distance;
         let falloff = self.falloff(direction);
@@ -176,7 +189,7 @@ impl Emitter for Spot {
         })
     }
 
-    fn pdf_li(&self, _: &Ray, _: &LightHit) -> f64 {
+    fn pdf_li(&self, _: &Receiver, _: &Ray, _: &LightHit) -> f64 {
         0.0
     }
 

@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Body, EmissionCone, Emitter, EnvironmentMaps, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample,
-    cap,
+    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
+    SourceSample, cap,
 };
 use crate::exchange::LightModel;
 use crate::geometry::Ray;
@@ -65,7 +65,7 @@ impl LightSettings for SunLight {
         })
     }
 
-    fn build(&self, _: &EnvironmentMaps) -> Arc<dyn Emitter> {
+    fn build(&self, _: &LightAssets) -> Arc<dyn Emitter> {
         let (sin_radius, cos_radius) = libm::sincos(self.angular_radius.to_radians());
         Arc::new(Sun {
             direction: DVec3::from(self.direction).normalize(),
@@ -115,7 +115,12 @@ impl Emitter for Sun {
 
     fn sample_source(&self, _: DVec3, _: f64, random: DVec2) -> SourceSample {
         let (direction, solid_angle) = cap::sample(self.direction, self.cos_radius, self.sin_radius, random);
-        SourceSample { source: Source::Direction(direction), normal: None, weight: self.radiance * solid_angle }
+        SourceSample {
+            source: Source::Direction(direction),
+            normal: None,
+            triangle: None,
+            weight: self.radiance * solid_angle,
+        }
     }
 
     fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {
@@ -126,11 +131,11 @@ impl Emitter for Sun {
         (Source::Direction(ray.direction), 1.0)
     }
 
-    fn normal_at(&self, _: Source) -> Option<DVec3> {
+    fn normal_at(&self, _: Source, _: &LightHit) -> Option<DVec3> {
         None
     }
 
-    fn sample_li(&self, _: DVec3, random: DVec2) -> Option<LiSample> {
+    fn sample_li(&self, _: &Receiver, random: DVec2) -> Option<LiSample> {
         let (direction, solid_angle) = cap::sample(self.direction, self.cos_radius, self.sin_radius, random);
         Some(LiSample {
             direction,
@@ -140,7 +145,7 @@ impl Emitter for Sun {
         })
     }
 
-    fn pdf_li(&self, _: &Ray, _: &LightHit) -> f64 {
+    fn pdf_li(&self, _: &Receiver, _: &Ray, _: &LightHit) -> f64 {
         1.0 / cap::solid_angle(self.cos_radius, self.sin_radius)
     }
 
@@ -148,6 +153,6 @@ impl Emitter for Sun {
         // |r x d| is exact for small angles where the cosine is not.
         let sine_squared = ray.direction.cross(self.direction).length_squared();
         (ray.direction.dot(self.direction) > 0.0 && sine_squared <= self.sin_radius * self.sin_radius)
-            .then_some(LightHit { distance: f64::INFINITY, radiance: self.radiance })
+            .then_some(LightHit { distance: f64::INFINITY, radiance: self.radiance, triangle: None })
     }
 }

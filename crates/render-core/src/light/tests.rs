@@ -7,9 +7,11 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::geometry::{Frame, Ray};
+use crate::texture::picture_samples::encode_png;
+use crate::texture::{Bitmap, Bitmaps, Encoding, TextureDescription};
 
 fn light(description: LightDescription) -> Light {
-    Light::new(&description, &EnvironmentMaps::new())
+    Light::new(&description, &LightAssets::default())
 }
 
 const DISK_CENTRE: Triple = [-0.3, 0.4, 1.2];
@@ -48,8 +50,41 @@ fn lights() -> Vec<Light> {
     ]
     .map(light)
     .into_iter()
-    .chain([example()])
+    .chain([example(), roof()])
     .collect()
+}
+
+/// Some triangles above the origin, none of which hides another from below.
+fn roof() -> Light {
+    let description: LightDescription = serde_json::from_value(serde_json::json!({"mesh": {
+        "name": "roof", "mesh": "roof", "radiance": [1, 2, 3]}}))
+    .unwrap();
+    Light::new(&description, &roofs())
+}
+
+/// The surfaces "roof", and "painted" with a picture on it.
+pub(super) fn roofs() -> LightAssets {
+    let mut random = pseudo_random();
+    let place = |x: u32, y: u32| DVec2::new(f64::from(x), f64::from(y)) / 3.0;
+    let positions: Vec<DVec3> =
+        (0..16).map(|k| ((place(k % 4, k / 4) - 0.5) * 1.2).extend(1.6 + 0.1 * random())).collect();
+    let corners_of = |k: u32| {
+        let first = 4 * (k / 3) + k % 3;
+        [[first, first + 1, first + 5], [first, first + 5, first + 4]]
+    };
+    let numbers: Vec<[u32; 3]> = (0..9).flat_map(corners_of).collect();
+    let corners = numbers.iter().map(|numbers| numbers.map(|number| positions[number as usize])).collect();
+    let plain = ShiningSurface { first_triangle: 5, corners, picture: None, coverage: None };
+    let picture = image::ImageBuffer::from_fn(5, 4, |x, y| image::Luma([(((x * 7 + y * 3) % 6) * 51) as u8]));
+    let description = TextureDescription::of_file("glow.png");
+    let key = description.picture(Encoding::Colour);
+    let bitmap = Bitmap::decode(&encode_png(picture.into()), Encoding::Colour).unwrap();
+    let picture = description.build(Encoding::Colour, &Bitmaps::from([(key, Arc::new(bitmap))]));
+    let coordinates = numbers.iter().map(|numbers| numbers.map(|number| place(number % 4, number / 4))).collect();
+    let painted = ShiningSurface { picture: Some(ShiningPicture { picture, coordinates }), ..plain.clone() };
+    let surfaces = [("roof", plain), ("painted", painted)];
+    let surfaces = surfaces.map(|(name, surface)| (name.to_owned(), Arc::new(surface)));
+    LightAssets { surfaces: surfaces.into(), ..LightAssets::default() }
 }
 
 /// The light of docs/extending.md, read as scene files are.
@@ -60,7 +95,7 @@ fn example() -> Light {
     }))
     .unwrap();
     assert!(description.check(&JsonPath::Root).is_ok());
-    Light { name: description.name().to_owned(), emitter: description.build(&EnvironmentMaps::new()) }
+    Light { name: description.name().to_owned(), emitter: description.build(&LightAssets::default()) }
 }
 
 fn grid(n: u32) -> impl Iterator<Item = DVec2> {
@@ -73,11 +108,11 @@ fn direct_samples_meet_the_light_with_the_stated_density() {
     let point = DVec3::new(0.1, -0.2, 0.3);
     for light in lights() {
         for random in grid(24) {
-            let sample = light.sample_li(point, random).unwrap();
+            let sample = light.sample_li(&Receiver::anywhere(point), random).unwrap();
             let ray = Ray::new(point, sample.direction);
             let hit = light.intersect(&ray).expect("a direction inside the cone meets the light");
             assert!((sample.direction.length() - 1.0).abs() < 1e-12);
-            let density = light.pdf_li(&ray, &hit);
+            let density = light.pdf_li(&Receiver::anywhere(ray.origin), &ray, &hit);
             assert!((density / sample.pdf.unwrap() - 1.0).abs() < 1e-9, "{light:?}");
             assert!((sample.weight * density - light.emission()).length() < 1e-9);
         }
@@ -91,7 +126,9 @@ fn area_and_solid_angle_sampling_give_the_same_irradiance() {
     for light in &lights()[..3] {
         let n = 400;
         let by_direction: f64 = grid(n)
-            .map(|random| light.sample_li(point, random).map_or(0.0, |s| s.weight.x * s.direction.z.max(0.0)))
+            .map(|random| {
+                light.sample_li(&Receiver::anywhere(point), random).map_or(0.0, |s| s.weight.x * s.direction.z.max(0.0))
+            })
             .sum();
         let by_area: f64 = grid(n)
             .map(|random| {
@@ -99,7 +136,7 @@ fn area_and_solid_angle_sampling_give_the_same_irradiance() {
                 let Source::Point(position) = sample.source else { unreachable!() };
                 let offset = position - point;
                 let direction = offset.normalize();
-                let cosine = -direction.dot(sample.normal.unwrap());
+                let cosine = sample.cosine(direction);
                 sample.weight.x * cosine.max(0.0) * direction.z.max(0.0) / offset.length_squared()
             })
             .sum();
@@ -130,7 +167,7 @@ fn flat_lights_are_dark_behind() {
         let behind = DVec3::new(x, y, 3.0);
         let hit = light.intersect(&Ray::new(behind, DVec3::NEG_Z)).unwrap();
         assert_eq!(hit.radiance, DVec3::ZERO);
-        assert_eq!(light.sample_li(behind, DVec2::splat(0.3)), None);
+        assert_eq!(light.sample_li(&Receiver::anywhere(behind), DVec2::splat(0.3)), None);
         let ray = Ray::new(DVec3::new(x, y, 0.0), DVec3::Z);
         assert_eq!(light.intersect(&ray).unwrap().radiance, light.emission());
     }
@@ -167,8 +204,11 @@ fn a_disk_makes_the_irradiance_of_a_disk() {
     for distance in [0.3, 1.0, 30.0] {
         let point = DVec3::new(0.0, 0.0, -distance);
         let n = 400;
-        let sum: f64 =
-            grid(n).map(|random| light.sample_li(point, random).map_or(0.0, |s| s.weight.x * s.direction.z)).sum();
+        let sum: f64 = grid(n)
+            .map(|random| {
+                light.sample_li(&Receiver::anywhere(point), random).map_or(0.0, |s| s.weight.x * s.direction.z)
+            })
+            .sum();
         let irradiance = sum / f64::from(n * n);
         let expected = PI * radius * radius / (radius * radius + distance * distance);
         assert!((irradiance / expected - 1.0).abs() < 1e-4, "{distance}: {irradiance} {expected}");
@@ -191,8 +231,7 @@ fn a_rectangle_shines_along_its_edges_cross_product() {
         edge_v: [2.0, 0.0, 0.0],
         radiance: [1.0; 3],
     }));
-    let centre = DVec3::new(1.0, 2.0, 3.0);
-    assert_eq!(light.normal_at(Source::Point(centre)), Some(DVec3::Y));
+    assert_eq!(light.sample_source(DVec3::ZERO, 0.0, DVec2::splat(0.5)).normal, Some(DVec3::Y));
     assert!(corners(&light).contains(&DVec3::new(2.0, 2.0, 5.0)));
 }
 
@@ -206,7 +245,7 @@ fn a_disk_shines_along_its_normal() {
         radiance: [1.0; 3],
     }));
     let centre = DVec3::new(1.0, 2.0, 3.0);
-    assert_eq!(light.normal_at(Source::Point(centre)), Some(DVec3::NEG_Y));
+    assert_eq!(light.sample_source(DVec3::ZERO, 0.0, DVec2::splat(0.5)).normal, Some(DVec3::NEG_Y));
     assert_eq!(light.bounds(), LightBounds::Ball { centre, radius: 0.5 });
 }
 
@@ -271,7 +310,7 @@ fn one_of_many_lights_is_asked_with_the_stated_probability_and_brings_the_light_
         assert!(((180..182).map(probability).sum::<f64>() - 1.0).abs() < 1e-12);
         // What each light brings, from one point of it.
         let brought = |light: u32| {
-            let sample = lights[light as usize].sample_li(position, DVec2::splat(0.4));
+            let sample = lights[light as usize].sample_li(&Receiver::anywhere(position), DVec2::splat(0.4));
             sample.map_or(0.0, |sample| sample.weight.x * side.cosine(sample.direction).unwrap_or(1.0).max(0.0))
         };
         let expected: f64 = (0..182).map(brought).sum();
@@ -360,6 +399,59 @@ fn a_cone_around_two_cones_holds_both() {
 }
 
 #[test]
+fn a_cone_of_both_sides_holds_the_opposite_of_each_normal() {
+    let mut random = pseudo_random();
+    for case in 0..4000 {
+        let mut unit = || (DVec3::new(random(), random(), random()) - 0.5).normalize();
+        let normals = [unit(), unit(), unit()];
+        let of = |index: usize| {
+            let is_both = index != case % 4;
+            let normal = normals[index];
+            if is_both { EmissionCone::from_both_sides(normal) } else { EmissionCone::from_plane(normal) }
+        };
+        let cone = of(0).union(of(1)).union(of(2));
+        for normal in normals.into_iter().flat_map(|normal| [normal, -normal]) {
+            assert!(cone.largest_cosine(cone.axis.dot(normal), 1.0) > 1.0 - 1e-4, "{cone:?} {normal}");
+        }
+    }
+    let [first, second] = [DVec3::Z, DVec3::new(0.1, 0.0, -1.0).normalize()].map(EmissionCone::from_both_sides);
+    assert!(first.union(second).cos_normals > 0.99);
+}
+
+#[test]
+fn a_mesh_brings_the_same_light_however_its_triangles_are_chosen() {
+    let light = roof();
+    let normal = DVec3::new(0.8, 0.1, 0.6).normalize();
+    for side in [Side::Anywhere, Side::Front(normal), Side::Both(normal), Side::Front(-normal)] {
+        let receiver = Receiver { position: DVec3::new(0.1, -0.2, 1.1), side };
+        let brought = |receiver: &Receiver| {
+            let mut random = pseudo_random();
+            let mut of = || {
+                let sample = light.sample_li(receiver, DVec2::new(random(), random()))?;
+                let ray = Ray::new(receiver.position, sample.direction);
+                let pdf = light.pdf_li(receiver, &ray, &light.intersect(&ray)?);
+                assert!((pdf / sample.pdf? - 1.0).abs() < 1e-9, "{pdf} {sample:?}");
+                Some(sample.weight.x * side.cosine(sample.direction).unwrap_or(1.0).max(0.0))
+            };
+            let count = 60_000;
+            let (sum, squares) = (0..count).fold((0.0, 0.0), |(sum, squares), _| {
+                let value = of().unwrap_or(0.0);
+                (sum + value, squares + value * value)
+            });
+            let mean = sum / f64::from(count);
+            (mean, ((squares / f64::from(count) - mean * mean) / f64::from(count)).sqrt())
+        };
+        let (found, error) = brought(&receiver);
+        let (expected, other_error) = brought(&Receiver::anywhere(receiver.position));
+        let error = libm::hypot(error, other_error);
+        assert!(
+            error < 0.02 * expected && (found - expected).abs() < 4.0 * error,
+            "{found} {expected} {error}: {side:?}"
+        );
+    }
+}
+
+#[test]
 fn lights_behind_a_surface_are_not_asked() {
     let lamp = |number: u32, height: f64| {
         light(LightDescription::Point(PointLight {
@@ -395,4 +487,17 @@ fn a_weak_light_beside_a_very_strong_one_is_still_asked() {
     for light in 0..8 {
         assert!(sampler.probability(light, &receiver) > 1e-8, "{light}");
     }
+}
+
+#[test]
+fn lights_ever_nearer_to_one_place_make_a_tree_that_is_walked() {
+    let lamp = |number: u32| {
+        let mut position = [0.0; 3];
+        position[number as usize % 3] = libm::pow(13.0, 10.0 - f64::from(number / 3));
+        light(LightDescription::Point(PointLight { name: number.to_string(), position, intensity: [1.0; 3] }))
+    };
+    let sampler = LightSampler::new(&(0..800).map(lamp).collect::<Vec<Light>>());
+    let receiver = Receiver::anywhere(DVec3::ONE);
+    let sum: f64 = (0..800).map(|light| sampler.probability(light, &receiver)).sum();
+    assert!((sum - 1.0).abs() < 1e-9, "{sum}");
 }

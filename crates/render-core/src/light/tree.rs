@@ -28,6 +28,9 @@ const FLATNESS: f64 = 1e-3;
 /// Least share of a child whose lights may bring anything: a bound may be far off, and no light may be left out.
 const LEAST_SHARE: f64 = 1e-3;
 
+/// Levels of a tree below which lights are halved.
+const MOST_UNEVEN_LEVELS: u32 = 64;
+
 /// No point is taken for nearer to a light than this, metres.
 const NEAREST: f64 = 1e-6;
 
@@ -91,7 +94,9 @@ impl Cluster {
             LightBounds::Ball { centre, radius } if centre == (min + max) * 0.5 => radius.min(half_diagonal),
             _ => half_diagonal,
         };
-        let (power, cone, can_be_met) = (light.power(), light.emission_cone(), !light.is_delta());
+        let (power, cone) = (light.power(), light.emission_cone());
+        // Rays meet surfaces of the scene without this tree.
+        let can_be_met = !light.is_delta() && light.triangles().is_none();
         Some(Self { min, max, power, cone, radius, can_be_met })
     }
 
@@ -155,19 +160,25 @@ impl LightTree {
         let count = things.len();
         let mut leaves: Vec<(u32, Cluster)> =
             (0u32..).zip(things).filter_map(|(index, thing)| Some((index, thing?))).collect();
-        let mut tree = Self { nodes: Vec::new(), leaves: vec![None; count] };
+        let nodes = Vec::with_capacity((2 * leaves.len()).saturating_sub(1));
+        let mut tree = Self { nodes, leaves: vec![None; count] };
         if !leaves.is_empty() {
-            tree.add(&mut leaves, 0);
+            tree.add(&mut leaves, 0, 0);
         }
         tree
+    }
+
+    /// What all things are together.
+    pub(super) fn root(&self) -> Option<&Cluster> {
+        self.nodes.first().map(|node| &node.cluster)
     }
 
     pub(super) fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// Adds a tree over some lights, and answers its root.
-    fn add(&mut self, lights: &mut [(u32, Cluster)], parent: u32) -> u32 {
+    /// Adds a tree over some lights at a level, and answers its root.
+    fn add(&mut self, lights: &mut [(u32, Cluster)], parent: u32, level: u32) -> u32 {
         let root = self.nodes.len() as u32;
         let cluster = lights.iter().map(|(_, cluster)| *cluster).reduce(Cluster::union);
         let cluster = cluster.expect("no tree is over no light");
@@ -176,11 +187,12 @@ impl LightTree {
             self.leaves[*light as usize] = Some(root);
             return root;
         }
-        let middle = split(lights, &cluster);
+        // Halves end where the cost would part one light from all others again and again.
+        let middle = if level < MOST_UNEVEN_LEVELS { split(lights, &cluster) } else { lights.len() / 2 };
         self.nodes.push(Node { cluster, parent, below: Below::Second(0) });
         let (first, second) = lights.split_at_mut(middle);
-        self.add(first, root);
-        let second = self.add(second, root);
+        self.add(first, root, level + 1);
+        let second = self.add(second, root, level + 1);
         self.nodes[root as usize].below = Below::Second(second);
         root
     }
@@ -235,7 +247,7 @@ impl LightTree {
 
     /// Visits the lights whose boxes a ray meets before `end`, in no particular order, until one says that it is
     /// enough.
-    pub(super) fn on_ray(&self, ray: &Ray, end: f64, visit: &mut dyn FnMut(u32) -> bool) -> bool {
+    pub(crate) fn on_ray(&self, ray: &Ray, end: f64, visit: &mut dyn FnMut(u32) -> bool) -> bool {
         let inverse = ray.direction.recip();
         let mut open = smallvec::SmallVec::<[u32; 64]>::new();
         open.extend((!self.nodes.is_empty()).then_some(0));
@@ -268,6 +280,7 @@ fn largest_cosine(cosine: f64, cos_region: f64) -> f64 {
 }
 
 /// Sorts lights into two parts of the least cost, and answers where the second begins.
+#[inline(never)]
 fn split(lights: &mut [(u32, Cluster)], whole: &Cluster) -> usize {
     let extent = whole.max - whole.min;
     let longest = extent.max_element();

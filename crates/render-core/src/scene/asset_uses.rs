@@ -69,14 +69,22 @@ pub(super) fn environment_uses(parts: SceneParts<'_>) -> impl Iterator<Item = (S
     })
 }
 
-/// The pictures of all textures, with the places of their files.
+/// The pictures of all textures of materials and lights, with the places of their files.
 pub(super) fn texture_uses(parts: SceneParts<'_>) -> impl Iterator<Item = (String, PictureKey<'_>)> {
-    parts.materials.iter().flat_map(|(name, material)| {
+    let of_lights = parts.lights.iter().enumerate().filter_map(|(index, light)| {
+        let texture = light.texture()?;
+        let root = JsonPath::Root;
+        let lights = root.member("lights");
+        let place = lights.element(index);
+        Some((format!("{}.{}.file", place.member(light.kind()), texture.place), texture.picture()))
+    });
+    let of_materials = parts.materials.iter().flat_map(|(name, material)| {
         material.textures().into_iter().map(move |texture| {
             let root = JsonPath::Root;
             let materials = root.member("materials");
             let place = materials.member(name);
             (format!("{}.{}.file", place.member(material.kind()), texture.place), texture.picture())
         })
-    })
+    });
+    of_materials.chain(of_lights)
 }

@@ -12,14 +12,18 @@ use super::build_step::BuildStep;
 use super::camera::Camera;
 use super::memory::SceneMemory;
 use super::mesh_surface::MeshSurface;
+use super::openings::Openings;
 use super::pane_tree::PaneTree;
 use super::parts::SceneParts;
+use super::shining::{lights_of_meshes, shining_surfaces};
+use super::surface_coverage::SurfaceCoverage;
 use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
 use crate::geometry::closed::is_closed;
-use crate::geometry::{Accelerator, Pane};
-use crate::light::{EnvironmentMap, EnvironmentMaps, Light, LightSampler};
+use crate::geometry::{Accelerator, Coverage, Pane};
+use crate::light::{EnvironmentMap, EnvironmentMaps, Light, LightAssets, LightSampler};
 use crate::settings::SceneError;
+use crate::texture::RadiancePicture;
 
 /// A scene that can be rendered. It does not change any more.
 #[derive(Debug)]
@@ -29,10 +33,14 @@ pub struct Scene {
     specular_ball: (DVec3, f64),
     mesh_bounds: Vec<[DVec3; 2]>,
     pane_tree: PaneTree,
-    environment_maps: EnvironmentMaps,
+    light_assets: LightAssets,
     lights: Vec<Light>,
+    /// For each mesh, the light that it is; empty where no mesh is one.
+    lights_of_meshes: Vec<Option<u32>>,
     light_sampler: LightSampler,
-    meshes: Vec<MeshSurface>,
+    meshes: Arc<[MeshSurface]>,
+    /// Their triangles that light goes straight through, if there are any.
+    openings: Option<Openings>,
     /// Whether each mesh has an inside, found when it is asked for first.
     closed: Vec<OnceLock<bool>>,
     normals: Vec<DVec3>,
@@ -50,30 +58,38 @@ impl Scene {
         assets: &Assets,
         begin: &mut dyn FnMut(BuildStep<'_>),
     ) -> Result<Self, SceneError> {
-        let Decoded { environment_maps, panes, positions, triangles, surfaces } = Decoded::of(parts, assets, begin)?;
+        let Decoded { light_assets, panes, positions, triangles, meshes, coverage } =
+            Decoded::of(parts, assets, begin)?;
         let mesh_bounds: Vec<[DVec3; 2]> =
-            surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
+            meshes.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
         let specular: Vec<_> =
-            surfaces.iter().filter(|mesh| mesh.is_specular()).map(MeshSurface::triangle_range).collect();
+            meshes.iter().filter(|mesh| mesh.is_specular()).map(MeshSurface::triangle_range).collect();
         begin(BuildStep::Hierarchy { triangles: triangles.len() });
         let accelerator = Accelerator::build(&positions, &triangles, &specular, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
+        let accelerator = match coverage {
+            Some(coverage) => accelerator.with_coverage(coverage),
+            None => accelerator,
+        };
         let corners = |triangle: u32| *accelerator.corners(triangle);
-        check_panes(parts, accelerator.panes(), corners, &surfaces)?;
-        check_faces(corners, &surfaces)?;
+        check_panes(parts, accelerator.panes(), corners, &meshes)?;
+        check_faces(corners, &meshes)?;
         Obstacles::new(accelerator.shared_panes()).check(parts)?;
-        let lights = build_lights(parts, &environment_maps);
+        let lights = build_lights(parts, &light_assets);
+        let straight = meshes.iter().filter(|mesh| mesh.is_straight()).flat_map(MeshSurface::triangle_range).collect();
         Ok(Self {
             camera: Camera::new(parts.camera, parts.film),
             light_sampler: LightSampler::new(&lights),
+            lights_of_meshes: lights_of_meshes(&lights, &meshes),
             lights,
-            environment_maps,
+            light_assets,
             normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
-            specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
+            specular_ball: specular_ball(&accelerator, &meshes, &mesh_bounds),
             pane_tree: PaneTree::new(accelerator.panes()),
             mesh_bounds,
-            closed: surfaces.iter().map(|_| OnceLock::new()).collect(),
-            meshes: surfaces,
+            closed: meshes.iter().map(|_| OnceLock::new()).collect(),
+            openings: Openings::new(&accelerator, straight),
+            meshes,
             accelerator,
         })
     }
@@ -85,12 +101,13 @@ impl Scene {
         Self { camera: Camera::new(parts.camera, parts.film), ..self }
     }
 
-    /// The scene under the lights of `parts`, which name the same pictures. [`Obstacles::check`] tells whether they may
-    /// stand there.
+    /// The scene under the lights of `parts`, which name the same pictures and meshes. [`Obstacles::check`] tells
+    /// whether they may stand there.
     #[must_use]
     pub fn with_lights(self, parts: SceneParts<'_>) -> Self {
-        let lights = build_lights(parts, &self.environment_maps);
-        Self { light_sampler: LightSampler::new(&lights), lights, ..self }
+        let lights = build_lights(parts, &self.light_assets);
+        let lights_of_meshes = lights_of_meshes(&lights, &self.meshes);
+        Self { light_sampler: LightSampler::new(&lights), lights_of_meshes, lights, ..self }
     }
 
     /// The camera.
@@ -133,6 +150,11 @@ impl Scene {
         &self.lights
     }
 
+    /// The light that a mesh is. Which mesh is asked for only where any is a light.
+    pub(super) fn shining_mesh(&self, mesh: impl FnOnce() -> u32) -> Option<u32> {
+        if self.lights_of_meshes.is_empty() { None } else { self.lights_of_meshes[mesh() as usize] }
+    }
+
     /// The choice among the lights.
     pub fn light_sampler(&self) -> &LightSampler {
         &self.light_sampler
@@ -150,6 +172,16 @@ impl Scene {
         &self.meshes
     }
 
+    /// Whether light goes straight through any mesh, such as a thin wall, and shadow rays with it.
+    pub fn has_straight_meshes(&self) -> bool {
+        self.openings.is_some()
+    }
+
+    /// The triangles that light goes straight through, if there are any.
+    pub(super) fn openings(&self) -> Option<&Openings> {
+        self.openings.as_ref()
+    }
+
     /// The unit normal of a triangle, on the side from which its corners are seen counterclockwise.
     pub fn triangle_normal(&self, triangle: u32) -> DVec3 {
         self.normals[triangle as usize]
@@ -161,8 +193,8 @@ impl Scene {
     }
 }
 
-fn build_lights(parts: SceneParts<'_>, maps: &EnvironmentMaps) -> Vec<Light> {
-    parts.lights.iter().map(|light| Light::new(light, maps)).collect()
+fn build_lights(parts: SceneParts<'_>, assets: &LightAssets) -> Vec<Light> {
+    parts.lights.iter().map(|light| Light::new(light, assets)).collect()
 }
 
 /// Decodes the pictures of all lights, each file once.
@@ -178,13 +210,24 @@ fn decode_environments(parts: SceneParts<'_>, assets: &Assets) -> Result<Environ
     Ok(maps)
 }
 
+/// Decodes a picture that a light names.
+///
+/// # Errors
+///
+/// When it is missing or makes no sense.
+pub fn decode_radiance(assets: &Assets, file: &str) -> Result<RadiancePicture, SceneError> {
+    let picture = asset_bytes(assets, file).and_then(RadiancePicture::decode);
+    picture.map_err(|problem| SceneError::Asset { path: "lights".to_owned(), name: file.to_owned(), problem })
+}
+
 /// What a scene is made of, decoded and checked.
 struct Decoded {
-    environment_maps: EnvironmentMaps,
+    light_assets: LightAssets,
     panes: Vec<Pane>,
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    surfaces: Vec<MeshSurface>,
+    meshes: Arc<[MeshSurface]>,
+    coverage: Option<Arc<dyn Coverage>>,
 }
 
 impl Decoded {
@@ -192,7 +235,7 @@ impl Decoded {
         SceneMemory::of(parts, assets).check_counts()?;
         begin(BuildStep::Textures);
         let textures = decode_textures(parts, assets)?;
-        let environment_maps = decode_environments(parts, assets)?;
+        let environments = decode_environments(parts, assets)?;
         begin(BuildStep::Panes { count: parts.panes.len() });
         let panes = build_panes(parts.panes, assets)?;
         let mut meshes = Meshes::new(parts, assets, &textures);
@@ -202,7 +245,12 @@ impl Decoded {
             meshes.add(index, mesh)?;
         }
         let Meshes { positions, triangles, surfaces, .. } = meshes;
-        Ok(Self { environment_maps, panes, positions, triangles, surfaces })
+        let corners = |triangle: u32| triangles[triangle as usize].map(|vertex| positions[vertex as usize]);
+        let meshes: Arc<[MeshSurface]> = surfaces.into();
+        let coverage = SurfaceCoverage::of(&meshes).map(|coverage| Arc::new(coverage) as Arc<dyn Coverage>);
+        let surfaces = shining_surfaces(parts, &textures, &meshes, &corners, coverage.as_ref())?;
+        let light_assets = LightAssets { environments, surfaces };
+        Ok(Self { light_assets, panes, positions, triangles, meshes, coverage })
     }
 }
 

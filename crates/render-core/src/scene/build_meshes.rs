@@ -1,10 +1,11 @@
 //! The triangles of a scene: decoded, placed, and with what they reflect.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, UVec3};
+use glam::{DVec2, DVec3, UVec3, Vec4};
 
 use super::asset_uses::{picture_bytes, texture_uses};
 use super::assets::Assets;
@@ -14,9 +15,11 @@ use super::mesh_file::MeshFiles;
 use super::mesh_format::{MeshFormat, MeshPart};
 use super::mesh_surface::{MeshSurface, Surface};
 use super::parts::SceneParts;
+use crate::geometry::{MappedTriangles, Tangent};
+use crate::light::LightDescription;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
-use crate::settings::check::check_budget;
+use crate::settings::check::{Quoted, check_budget};
 use crate::settings::limits::{MAX_COORDINATE, MAX_TRIANGLES};
 use crate::texture::{Bitmap, Bitmaps, PictureKey};
 
@@ -32,7 +35,8 @@ pub fn decode_textures<'a>(scene: SceneParts<'a>, assets: &Assets) -> Result<Bit
             continue;
         }
         let PictureKey { file, image, encoding } = picture;
-        let bitmap = picture_bytes(assets, file, image).and_then(|bytes| Bitmap::decode(&bytes, encoding));
+        let decode = if image.is_some() { Bitmap::decode_in_gltf } else { Bitmap::decode };
+        let bitmap = picture_bytes(assets, file, image).and_then(|bytes| decode(&bytes, encoding));
         let bitmap = bitmap.map_err(|problem| SceneError::Asset { path, name: file.to_owned(), problem })?;
         bitmaps.insert(picture, Arc::new(bitmap));
     }
@@ -44,6 +48,8 @@ pub(super) struct Meshes<'a> {
     scene: SceneParts<'a>,
     bitmaps: &'a Bitmaps<'a>,
     files: MeshFiles<'a>,
+    /// The lights that are meshes, by the names of the meshes.
+    shining: BTreeMap<&'a str, &'a LightDescription>,
     /// Decoded parts of files, which several meshes may share.
     decoded: BTreeMap<(MeshFormat, &'a str, MeshPart), Arc<TriangleMesh>>,
     /// Positions of all vertices in the scene.
@@ -61,6 +67,7 @@ impl<'a> Meshes<'a> {
             scene,
             bitmaps,
             files: MeshFiles::new(assets),
+            shining: scene.shining(),
             decoded: BTreeMap::new(),
             positions: Vec::new(),
             triangles: Vec::new(),
@@ -70,7 +77,10 @@ impl<'a> Meshes<'a> {
 
     /// Adds mesh `index` of the scene file.
     pub(super) fn add(&mut self, index: usize, description: &'a MeshDescription) -> Result<(), SceneError> {
-        let mesh = self.decode(index, description)?;
+        let decoded = self.decode(index, description)?;
+        let is_imported = description.source.is_of_building();
+        let has_folds = is_imported && self.scene.is_specular(description);
+        let mesh = if has_folds { decoded.without_folds() } else { Cow::Borrowed(&*decoded) };
         check_budget(self.triangles.len() + mesh.triangles.len(), MAX_TRIANGLES, "triangles", "meshes")?;
         check_budget(self.positions.len() + mesh.positions.len(), 3 * MAX_TRIANGLES, "vertices", "meshes")?;
         let first_vertex = self.positions.len() as u32;
@@ -78,13 +88,18 @@ impl<'a> Meshes<'a> {
         let placement = Placement::of(description);
         self.place_vertices(index, &mesh, placement)?;
         let kept = self.place_triangles(index, &mesh, placement, first_vertex)?;
+        // A building does without what has no area. Methods search no mesh that is empty.
+        if kept.is_empty() && (!is_imported || self.scene.is_specular(description)) {
+            let found = format!("{} triangles, none with an area", decoded.triangles.len());
+            return Err(mesh_error(index, found, "at least one triangle with an area"));
+        }
         let surface = self.surface(index, description, &mesh, &kept)?;
         let triangles = kept.len() as u32;
         self.surfaces.push(MeshSurface {
             name: description.name.clone(),
             first_triangle,
             triangles,
-            omitted_triangles: mesh.triangles.len() as u32 - triangles,
+            omitted_triangles: decoded.triangles.len() as u32 - triangles,
             surface,
         });
         Ok(())
@@ -152,10 +167,6 @@ impl<'a> Meshes<'a> {
                 kept.push(triangle);
             }
         }
-        if kept.is_empty() {
-            let found = format!("{} triangles, none with an area", mesh.triangles.len());
-            return Err(mesh_error(index, found, "at least one triangle with an area"));
-        }
         Ok(kept)
     }
 
@@ -170,10 +181,15 @@ impl<'a> Meshes<'a> {
         let material = self.scene.materials.get(&description.material);
         let material = material.expect("validation knows every material");
         let bsdf = material.build(self.bitmaps);
-        let textures = material.textures();
+        let opacity = material.opacity(self.bitmaps);
+        let of_material = material.textures().into_iter().map(|texture| (texture, "material", &description.material));
+        let light = self.shining.get(description.name.as_str()).and_then(|light| light.texture());
+        let textures: Vec<_> =
+            of_material.chain(light.map(|texture| (texture, "light of mesh", &description.name))).collect();
         let corners = |number: u32, coordinates: &[DVec2]| {
-            let is_used = textures.iter().any(|texture| texture.texture.coordinates == number);
-            is_used.then(|| texture_corners(index, description, mesh, coordinates, triangles)).transpose()
+            let user = textures.iter().find(|(texture, ..)| texture.texture.coordinates == number);
+            let user = user.map(|(_, thing, name)| format!("{thing} {}", Quoted(name)));
+            user.map(|user| texture_corners(index, &user, mesh, coordinates, triangles)).transpose()
         };
         let texture = corners(0, &mesh.texture_coordinates)?;
         let second_texture = corners(1, &mesh.second_texture_coordinates)?;
@@ -182,6 +198,14 @@ impl<'a> Meshes<'a> {
         } else {
             None
         };
+        let tangents = material.normal_map().map(|map| {
+            let coordinates = if map.texture.coordinates == 0 { &texture } else { &second_texture };
+            let coordinates = coordinates.as_deref().unwrap_or_default();
+            self.tangents_at_corners(description, mesh, triangles, normals.as_deref(), coordinates)
+        });
+        let colours = (material.uses_colours() && mesh.colours.len() == mesh.positions.len()).then(|| {
+            triangles.iter().map(|corners| corners.map(|vertex| Vec4::from(mesh.colours[vertex as usize]))).collect()
+        });
         let areas = material.is_searched().then(|| {
             let add = |sum: &mut f64, cross: DVec3| {
                 *sum += 0.5 * cross.length();
@@ -189,7 +213,31 @@ impl<'a> Meshes<'a> {
             };
             self.crosses(triangles.len()).scan(0.0, add).collect()
         });
-        Ok(Surface { bsdf, texture, second_texture, normals, areas })
+        Ok(Surface { bsdf, opacity, texture, second_texture, normals, tangents, colours, areas })
+    }
+
+    /// The tangents at the corners of the last triangles: those of the file, or as all programs compute them.
+    fn tangents_at_corners(
+        &self,
+        description: &MeshDescription,
+        mesh: &TriangleMesh,
+        triangles: &[[u32; 3]],
+        normals: Option<&[[DVec3; 3]]>,
+        coordinates: &[[DVec2; 3]],
+    ) -> Vec<[Tangent; 3]> {
+        if mesh.tangents.len() == mesh.positions.len() {
+            let placement = Placement::of(description);
+            let placed = |vertex: u32| placement.turn_tangent(mesh.tangents[vertex as usize]).as_vec4().to_array();
+            return triangles.iter().map(|triangle| triangle.map(placed)).collect();
+        }
+        let placed = &self.triangles[self.triangles.len() - triangles.len()..];
+        let corners = |triangle: usize| placed[triangle].map(|vertex| self.positions[vertex as usize]);
+        let flat = |triangle: usize| {
+            let [a, b, c] = corners(triangle);
+            [(b - a).cross(c - a).normalize_or_zero(); 3]
+        };
+        let normals = |triangle: usize| normals.map_or_else(|| flat(triangle), |normals| normals[triangle]);
+        MappedTriangles { corners: &corners, normals: &normals, coordinates }.tangents()
     }
 
     /// The vectors along the normals of the last triangles, twice as long as their areas.
@@ -209,14 +257,15 @@ impl<'a> Meshes<'a> {
         triangles: &[[u32; 3]],
     ) -> Result<Vec<[DVec3; 3]>, SceneError> {
         let placement = Placement::of(description);
-        let placed: Option<Vec<DVec3>> =
+        let placed: Vec<Option<DVec3>> =
             mesh.normals.iter().map(|normal| placement.turn(*normal).try_normalize()).collect();
-        let Some(placed) = placed else {
+        if placed.contains(&None) && !description.source.is_of_building() {
             return Err(mesh_error(index, "a normal of no length", "normals that point somewhere, or none at all"));
-        };
+        }
         let outwards = |(triangle, cross): (&[u32; 3], DVec3)| {
             triangle.map(|vertex| {
-                let normal = placed[vertex as usize];
+                // Programs write none where faces without an area meet.
+                let normal = placed[vertex as usize].unwrap_or_else(|| cross.normalize());
                 if normal.dot(cross) < 0.0 { -normal } else { normal }
             })
         };
@@ -224,16 +273,16 @@ impl<'a> Meshes<'a> {
     }
 }
 
-/// The texture coordinates of the corners of triangles.
+/// The texture coordinates of the corners of triangles. `user` is what needs them.
 fn texture_corners(
     index: usize,
-    description: &MeshDescription,
+    user: &str,
     mesh: &TriangleMesh,
     coordinates: &[DVec2],
     triangles: &[[u32; 3]],
 ) -> Result<Vec<[DVec2; 3]>, SceneError> {
     if coordinates.len() != mesh.positions.len() || !coordinates.iter().all(|pair| is_within(&pair.to_array())) {
-        let expected = format!("one in every vertex: material \"{}\" has a texture", description.material);
+        let expected = format!("one in every vertex: {user} has a texture");
         return Err(mesh_error(index, "no usable texture coordinates", expected));
     }
     Ok(triangles.iter().map(|triangle| triangle.map(|vertex| coordinates[vertex as usize])).collect())

@@ -72,8 +72,8 @@ impl Camera {
 }
 
 impl CameraDescription {
-    /// What it is for other programs; `None` if it cannot be exported.
-    pub fn model(&self) -> Option<CameraModel> {
+    /// What it is for other programs.
+    pub fn model(&self) -> CameraModel {
         let (position, look_at, up, projection) = match *self {
             Self::Perspective { position, look_at, up, vertical_field_of_view } => {
                 (position, look_at, up, ProjectionModel::Perspective { vertical_field_of_view })
@@ -82,7 +82,7 @@ impl CameraDescription {
                 (position, look_at, up, ProjectionModel::Orthographic { height })
             }
         };
-        Some(CameraModel { position, look_at, up, projection })
+        CameraModel { position, look_at, up, projection }
     }
 }
 

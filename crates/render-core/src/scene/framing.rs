@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::build::Scene;
 use super::description::CameraDescription;
 use crate::geometry::{Ray, SurfaceId};
+use crate::light::LightBounds;
 use clerestory_film::counters::Counters;
 
 /// Places that are looked at along each axis.
@@ -17,6 +18,12 @@ const DIRECTIONS: u32 = 64;
 
 /// Share of directions that end at something, in a room.
 const ENCLOSED: f64 = 0.75;
+
+/// The most open places that may be in a room.
+const ROOMS: usize = 64;
+
+/// Directions in which such a place looks for windows.
+const LOOKS_OUT: u32 = 2048;
 
 /// Height of the eyes above the floor, metres, and at the most as a share of the room's height.
 const EYES: [f64; 2] = [1.6, 0.5];
@@ -79,9 +86,10 @@ fn view_in_a_room(scene: &Scene, min: DVec3, max: DVec3) -> Option<CameraDescrip
         let share = |number: u32, count: u32| (f64::from(number) + 0.5) / f64::from(count);
         min + size * DVec3::new(share(x, PLACES[0]), share(y, PLACES[1]), share(z, PLACES[2]))
     });
-    let open = places.filter_map(|place| Some((openness(place)?, place)));
+    let mut open: Vec<(f64, DVec3)> = places.filter_map(|place| Some((openness(place)?, place))).collect();
     // Of places that are alike the first.
-    let (_, place) = open.reduce(|best, next| if next.0 > best.0 { next } else { best })?;
+    open.sort_by(|one, other| other.0.total_cmp(&one.0));
+    let (_, place) = open.into_iter().take(ROOMS).find(|(_, place)| is_lit(scene, *place))?;
     let (below, above) = (distance(place, DVec3::NEG_Z)?, distance(place, DVec3::Z).unwrap_or(across));
     let eyes = EYES[0].min(EYES[1] * (below + above));
     let place = place + DVec3::Z * (eyes - below);
@@ -105,6 +113,13 @@ fn view_in_a_room(scene: &Scene, min: DVec3, max: DVec3) -> Option<CameraDescrip
     Some(perspective(position, look_at, IN_A_ROOM))
 }
 
+/// Whether light can come to a place: out of windows, or from a light that may be inside. The inside of a solid thing
+/// is dark.
+fn is_lit(scene: &Scene, place: DVec3) -> bool {
+    let has_lamp = scene.lights().iter().any(|light| matches!(light.bounds(), LightBounds::Ball { .. }));
+    has_lamp || (0..LOOKS_OUT).any(|index| free_distance(scene, place, on_a_sphere(index, LOOKS_OUT)).is_none())
+}
+
 /// How far one sees; `None` where there is nothing.
 fn free_distance(scene: &Scene, from: DVec3, direction: DVec3) -> Option<f64> {
     let ray = Ray::new(from, direction);
@@ -119,4 +134,60 @@ fn on_a_sphere(index: u32, count: u32) -> DVec3 {
     let (sin, cos) = libm::sincos(GOLDEN_ANGLE * f64::from(index));
     let radius = (1.0 - z * z).sqrt();
     DVec3::new(radius * cos, radius * sin, z)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::document::{SceneBundle, SceneDescription};
+
+    /// The position of the camera for a box of 4 x 6 x 3 m in daylight, with an opening in one wall or without.
+    fn position(has_window: bool) -> DVec3 {
+        let [x, y, z] = [4.0, 6.0, 3.0];
+        let quad = |corners: [[f64; 3]; 4]| corners;
+        let mut quads = vec![
+            quad([[0.0, 0.0, 0.0], [x, 0.0, 0.0], [x, y, 0.0], [0.0, y, 0.0]]),
+            quad([[0.0, 0.0, z], [x, 0.0, z], [x, y, z], [0.0, y, z]]),
+            quad([[0.0, 0.0, 0.0], [x, 0.0, 0.0], [x, 0.0, z], [0.0, 0.0, z]]),
+            quad([[0.0, y, 0.0], [x, y, 0.0], [x, y, z], [0.0, y, z]]),
+            quad([[0.0, 0.0, 0.0], [0.0, y, 0.0], [0.0, y, z], [0.0, 0.0, z]]),
+        ];
+        // The wall at x = 4 m, around a window of 1 x 1 m.
+        let window = [2.5, 3.5, 1.0, 2.0];
+        let strips = [[0.0, 2.5, 0.0, z], [3.5, y, 0.0, z], [2.5, 3.5, 0.0, 1.0], [2.5, 3.5, 2.0, z]];
+        for [start, end, low, high] in strips.into_iter().chain((!has_window).then_some(window)) {
+            quads.push(quad([[x, start, low], [x, end, low], [x, end, high], [x, start, high]]));
+        }
+        let triangles: Vec<[usize; 3]> = (0..quads.len())
+            .flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|c| 4 * quad + c)))
+            .collect();
+        let scene: Value = json!({
+            "version": 2, "name": "box", "film": {"width": 8, "height": 8},
+            "camera": {"perspective": {
+                "position": [9, 9, 9], "look_at": [0, 0, 0], "up": [0, 0, 1], "vertical_field_of_view": 30
+            }},
+            "materials": {"white": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}},
+            "meshes": [{"name": "box", "material": "white", "source": {"inline": {
+                "positions": quads.concat(), "triangles": triangles
+            }}}],
+            "lights": [{"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}}]
+        });
+        let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        let scene = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
+        let CameraDescription::Perspective { position, .. } = view_of(&scene) else { panic!("a perspective") };
+        DVec3::from(position)
+    }
+
+    #[test]
+    fn a_room_with_a_window_is_seen_from_inside_and_a_closed_box_from_outside() {
+        let inside = |at: DVec3| at.cmpgt(DVec3::splat(0.1)).all() && at.cmplt(DVec3::new(3.9, 5.9, 2.9)).all();
+        let room = position(true);
+        assert!(inside(room) && (room.z - 1.5).abs() < 0.2, "{room}");
+        let solid = position(false);
+        assert!(!inside(solid) && solid.z > 3.0, "{solid}");
+    }
 }

@@ -18,7 +18,7 @@ use super::mesh_file::MeshFiles;
 use super::mesh_format::{FileMesh, MeshFormat, MeshPart};
 use super::parts::SceneParts;
 use super::profile::procedural_grid;
-use crate::light::EnvironmentMap;
+use crate::light::{EnvironmentMap, LightDescription};
 use crate::settings::SceneError;
 use crate::settings::check::check_budget;
 use crate::settings::limits::{MAX_COEFFICIENTS, MAX_TEXELS, MAX_TRIANGLES};
@@ -71,6 +71,7 @@ impl SceneMemory {
             scene,
             assets,
             have_specular_meshes: scene.meshes.iter().any(|mesh| scene.is_specular(mesh)),
+            shining: scene.shining(),
             mesh_files: MeshFiles::new(assets),
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),
@@ -153,6 +154,8 @@ struct Files<'a> {
     assets: &'a Assets,
     /// Whether any mesh refracts or mirrors, so that all are compared with it.
     have_specular_meshes: bool,
+    /// The lights that are meshes, by the names of the meshes.
+    shining: BTreeMap<&'a str, &'a LightDescription>,
     mesh_files: MeshFiles<'a>,
     /// Vertices and triangles of parts of files.
     meshes: BTreeMap<(MeshFormat, &'a str, MeshPart), [u64; 2]>,
@@ -218,7 +221,9 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
     };
     let is_specular = files.scene.is_specular(mesh);
     let material = files.scene.materials.get(&mesh.material);
-    let textures = material.map_or(Vec::new(), |material| material.textures());
+    let light = files.shining.get(mesh.name.as_str());
+    let mut textures = material.map_or(Vec::new(), |material| material.textures());
+    textures.extend(light.and_then(|light| light.texture()));
     let sets: BTreeSet<u32> = textures.iter().map(|texture| texture.texture.coordinates).collect();
     let from_file = mesh.source.file().is_some();
     let decoding = match (decoded, from_file) {
@@ -228,13 +233,22 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
     };
     let kept_file = if from_file && decoded { DECODED_VERTEX * vertices + DECODED_TRIANGLE * triangles } else { 0 };
     let uses_normals = material.is_some_and(|material| material.uses_normals());
-    let parts = [(is_specular, SPECULAR_TRIANGLE), (uses_normals, ROUNDED_TRIANGLE)];
+    let has_tangents = material.is_some_and(|material| material.normal_map().is_some());
+    let may_have_colours = from_file && material.is_some_and(|material| material.uses_colours());
+    let parts = [
+        (is_specular, SPECULAR_TRIANGLE),
+        (uses_normals, ROUNDED_TRIANGLE),
+        (has_tangents, TANGENT_TRIANGLE),
+        (may_have_colours, COLOURED_TRIANGLE),
+        (light.is_some(), SHINING_TRIANGLE),
+    ];
     let surface: u64 = parts.iter().filter(|(is_there, _)| *is_there).map(|(_, bytes)| bytes).sum();
     let surface = surface + TEXTURED_TRIANGLE * sets.len() as u64;
     let compared = if files.have_specular_meshes { COMPARED_TRIANGLE } else { 0 };
     let is_measured = is_specular || uses_normals;
     let passing =
         KEPT_TRIANGLE * triangles + if is_measured { MEASURED_PASSING * triangles + 24 * vertices } else { 0 };
+    let passing = passing + if has_tangents { TANGENT_PASSING * triangles } else { 0 };
     Part {
         path: format!("meshes[{index}].source.{source}"),
         count: triangles,
@@ -247,7 +261,7 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
 }
 
 /// Bytes of a vertex and of a triangle in a decoded mesh.
-const DECODED_VERTEX: u64 = 24 + 24 + 16 + 16 + 16;
+const DECODED_VERTEX: u64 = 24 + 24 + 16 + 16 + 32 + 16;
 const DECODED_TRIANGLE: u64 = 12;
 
 /// Bytes of a vertex that computing waves takes besides.
@@ -277,6 +291,17 @@ const SPECULAR_TRIANGLE: u64 = 8;
 
 /// Bytes of a triangle with normals at its corners.
 const ROUNDED_TRIANGLE: u64 = 72;
+
+/// Bytes of a triangle with tangents at its corners, and what computing them takes besides.
+const TANGENT_TRIANGLE: u64 = 48;
+const TANGENT_PASSING: u64 = 600;
+
+/// Bytes of a triangle with colours at its corners.
+const COLOURED_TRIANGLE: u64 = 48;
+
+/// Bytes of a triangle that shines: its corners with texture coordinates, its area, two nodes of a tree, and what that
+/// is built from.
+const SHINING_TRIANGLE: u64 = 72 + 48 + 8 + 2 * 136 + 8 + 2 * 128;
 
 /// Bytes of a triangle of either kind while these are computed.
 const MEASURED_PASSING: u64 = 24;
@@ -378,6 +403,7 @@ mod tests {
             scene: bundle.description().parts(),
             assets: bundle.assets(),
             have_specular_meshes: false,
+            shining: BTreeMap::new(),
             mesh_files: MeshFiles::new(bundle.assets()),
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),

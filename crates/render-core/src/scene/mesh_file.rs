@@ -120,6 +120,7 @@ impl From<Primitive> for TriangleMesh {
             texture_coordinates: first,
             second_texture_coordinates: second,
             normals: primitive.normals,
+            tangents: primitive.tangents,
             colours: primitive.colours,
         }
     }

@@ -38,6 +38,11 @@ pub(super) struct FileMesh<'a> {
 }
 
 impl MeshSource {
+    /// Whether it is a part of a file with many: what is wrong with one part is no reason to refuse a building.
+    pub(super) fn is_of_building(&self) -> bool {
+        matches!(self, Self::Gltf(_) | Self::Obj { part: Some(_), .. })
+    }
+
     /// The file from which it comes.
     pub(super) fn file(&self) -> Option<FileMesh<'_>> {
         let alone = |format, file, part| Some(FileMesh { format, file, part, others: &[] });

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4, Vec4};
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, Opacity};
+use crate::geometry::Tangent;
 use crate::texture::TextureCoordinates;
 
 /// The triangles of one mesh, which follow one another in the scene.
@@ -21,6 +22,8 @@ pub struct MeshSurface {
 #[derive(Clone, Debug)]
 pub(super) struct Surface {
     pub(super) bsdf: Arc<dyn Bsdf>,
+    /// How much of it is there, where that is not all.
+    pub(super) opacity: Option<Opacity>,
     /// Texture coordinates at the corners of each triangle, where there is a texture.
     pub(super) texture: Option<Vec<[DVec2; 3]>>,
     /// The second set of texture coordinates there, where a texture uses it.
@@ -28,9 +31,19 @@ pub(super) struct Surface {
     /// Normals at the corners of each triangle, on the side of the triangle's own; none where that is all there is, or
     /// all that the BSDF uses.
     pub(super) normals: Option<Vec<[DVec3; 3]>>,
+    /// The tangents at the corners of each triangle, where there is a normal map.
+    pub(super) tangents: Option<Vec<[Tangent; 3]>>,
+    /// Linear red, green, blue and opacity at the corners of each triangle; none where the mesh has none, or the BSDF
+    /// does not use them.
+    pub(super) colours: Option<Vec<[Vec4; 3]>>,
     /// For each triangle, the area of all triangles up to it, square metres; for meshes that methods search, on which
     /// seeds are drawn.
     pub(super) areas: Option<Vec<f64>>,
+}
+
+/// The mesh to which a triangle of the scene belongs.
+pub(super) fn mesh_of(meshes: &[MeshSurface], triangle: u32) -> u32 {
+    meshes.partition_point(|mesh| mesh.first_triangle <= triangle) as u32 - 1
 }
 
 impl MeshSurface {
@@ -55,6 +68,11 @@ impl MeshSurface {
         self.surface.bsdf.as_delta().is_some()
     }
 
+    /// Whether light goes straight through its triangles, and shadow rays with it.
+    pub(super) fn is_straight(&self) -> bool {
+        self.surface.bsdf.as_straight().is_some()
+    }
+
     /// Whether light goes through its triangles.
     pub(crate) fn is_dielectric(&self) -> bool {
         self.surface.bsdf.as_delta().is_some_and(|delta| delta.index_of_refraction().is_some())
@@ -67,12 +85,32 @@ impl MeshSurface {
 
     /// The normals at the corners of a triangle of the scene, where they are not the triangle's own.
     pub fn corner_normals(&self, triangle: u32) -> Option<&[DVec3; 3]> {
-        Some(&self.surface.normals.as_ref()?[(triangle - self.first_triangle) as usize])
+        self.surface.normals.as_ref()?.get((triangle - self.first_triangle) as usize)
     }
 
-    /// The texture coordinates at the corners of a triangle of the scene, where there is a texture.
-    pub fn corner_texture_coordinates(&self, triangle: u32) -> Option<&[DVec2; 3]> {
-        Some(&self.surface.texture.as_ref()?[(triangle - self.first_triangle) as usize])
+    /// One of the two sets of texture coordinates at the corners of a triangle of the scene, where a texture needs it.
+    pub fn corner_texture_coordinates(&self, triangle: u32, set: usize) -> Option<&[DVec2; 3]> {
+        let corners = if set == 0 { &self.surface.texture } else { &self.surface.second_texture };
+        corners.as_ref()?.get((triangle - self.first_triangle) as usize)
+    }
+
+    /// The tangents at the corners of a triangle of the scene, where there is a normal map.
+    pub(super) fn tangents(&self, triangle: u32) -> Option<&[Tangent; 3]> {
+        Some(&self.surface.tangents.as_ref()?[(triangle - self.first_triangle) as usize])
+    }
+
+    /// Linear red, green, blue and opacity that are interpolated at a point of a triangle of the scene; ones where the
+    /// mesh has no colours.
+    pub(super) fn colour(&self, triangle: u32, [v, w]: [f64; 2]) -> DVec4 {
+        let Some(colours) = &self.surface.colours else { return DVec4::ONE };
+        let [a, b, c] = colours[(triangle - self.first_triangle) as usize].map(|colour| colour.as_dvec4());
+        a * (1.0 - v - w) + b * v + c * w
+    }
+
+    /// One set of texture coordinates at the corners of all triangles; none where no texture uses it.
+    pub(super) fn texture_corners(&self, set: u32) -> &[[DVec2; 3]] {
+        let sets = [&self.surface.texture, &self.surface.second_texture];
+        sets[set as usize].as_deref().unwrap_or_default()
     }
 
     /// The texture coordinates at a point of a triangle of the scene; zero where there is no texture.

@@ -26,10 +26,15 @@ pub struct SceneParts<'a> {
     pub lights: &'a [LightDescription],
 }
 
-impl SceneParts<'_> {
+impl<'a> SceneParts<'a> {
     /// Whether a mesh refracts or mirrors light, so that specular methods search it.
     pub(crate) fn is_specular(&self, mesh: &MeshDescription) -> bool {
         self.materials.get(&mesh.material).is_some_and(|material| material.is_searched())
+    }
+
+    /// The lights that are meshes of the scene, by the names of the meshes.
+    pub(super) fn shining(&self) -> BTreeMap<&'a str, &'a LightDescription> {
+        self.lights.iter().filter_map(|light| Some((light.mesh()?, light))).collect()
     }
 
     /// Whether a mesh scatters light into single directions, and no specular method searches it.

@@ -2,12 +2,14 @@
 //!
 //! What needs the contents of assets is checked when the scene is built.
 
+use std::collections::BTreeSet;
+
 use glam::{DVec3, UVec3};
 
 use super::description::{
     CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, WaveDescription,
 };
-use super::import::check_imports;
+use super::import::{ImportDescription, check_imports};
 use super::mesh::is_degenerate;
 use super::parts::SceneParts;
 use super::profile;
@@ -58,6 +60,7 @@ impl SceneParts<'_> {
         check_count(self.lights.len(), MAX_LIGHTS, &root.member("lights"))?;
         let mut names = Names::default();
         let mut environment = None;
+        let mut shining = ShiningMeshes::of(self);
         for (index, light) in self.lights.iter().enumerate() {
             let lights = root.member("lights");
             let light_path = lights.element(index);
@@ -70,6 +73,9 @@ impl SceneParts<'_> {
             }
             check_name(light.name(), &settings.member("name"))?;
             light.check(&settings)?;
+            if let Some(mesh) = light.mesh() {
+                shining.check(mesh, &settings.member("mesh"))?;
+            }
             names.add(light.name(), &settings)?;
         }
         Ok(())
@@ -121,6 +127,35 @@ impl SceneParts<'_> {
             MeshSource::Waves(waves) => check_waves(waves, &source.member("waves")),
             from_file => from_file.file().map_or(Ok(()), |file| file.check(&source)),
         }
+    }
+}
+
+/// The meshes that may be lights.
+struct ShiningMeshes<'a> {
+    meshes: BTreeSet<&'a str>,
+    imports: &'a [ImportDescription],
+    /// Those that are.
+    taken: BTreeSet<&'a str>,
+}
+
+impl<'a> ShiningMeshes<'a> {
+    fn of(scene: &SceneParts<'a>) -> Self {
+        let is_needed = scene.lights.iter().any(|light| light.mesh().is_some());
+        let meshes = scene.meshes.iter().filter(|_| is_needed).map(|mesh| mesh.name.as_str()).collect();
+        Self { meshes, imports: scene.imports, taken: BTreeSet::new() }
+    }
+
+    /// Checks the name of a mesh that is a light. What the files of imports hold is not known yet.
+    fn check(&mut self, mesh: &'a str, path: &JsonPath<'_>) -> Check {
+        let of_import =
+            |import: &ImportDescription| mesh.strip_prefix(&import.name).is_some_and(|rest| rest.starts_with('/'));
+        if !self.meshes.contains(mesh) && !self.imports.iter().any(of_import) {
+            return Err(SceneError::value(path, Quoted(mesh), "the name of a mesh of the scene"));
+        }
+        if !self.taken.insert(mesh) {
+            return Err(SceneError::value(path, Quoted(mesh), "a mesh that no other light is"));
+        }
+        Ok(())
     }
 }
 

@@ -14,7 +14,7 @@ use super::parts::SceneParts;
 use super::{Camera, MeshSurface};
 use crate::geometry::Pane;
 use crate::geometry::contact::{NOWHERE, Shape, contact, join, overlap, way_out};
-use crate::light::{Body, EnvironmentMaps, Light};
+use crate::light::{Body, Light, LightAssets};
 use crate::settings::Check;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
@@ -89,10 +89,10 @@ impl Obstacles {
     ///
     /// What stands where, and a way out.
     pub fn check(&self, scene: SceneParts<'_>) -> Result<(), SceneError> {
-        // Lights that have no place stand nowhere, and their pictures are not at hand.
+        // Lights that have no place stand nowhere, or are meshes; their pictures and meshes are not at hand.
         let placed = scene.lights.iter().enumerate().filter(|(_, light)| light.place().is_some());
         let lights: Vec<(usize, Light)> =
-            placed.map(|(index, light)| (index, Light::new(light, &EnvironmentMaps::new()))).collect();
+            placed.map(|(index, light)| (index, Light::new(light, &LightAssets::default()))).collect();
         let mut places = Places { scene, panes: &self.panes, budget: MOST_PARTS };
         places.check_lights(&lights)?;
         places.check_camera(&Camera::new(scene.camera, scene.film), &lights)

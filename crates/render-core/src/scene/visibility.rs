@@ -3,17 +3,26 @@
 use glam::DVec3;
 
 use super::Scene;
-use crate::geometry::{Face, Ray, Surface, SurfaceId};
-use crate::light::Source;
+use crate::geometry::{Face, Hit, Ray, Surface, SurfaceId};
+use crate::light::{Source, SourceSample};
 use crate::scene::ShadingPoint;
 use clerestory_film::counters::Counters;
 
 /// Things on one ray whose distances differ by less than this part are in the same place.
 pub(crate) const SAME_PLACE: f64 = 1e-9;
 
+/// A straight way to a light, which nothing blocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StraightWay {
+    /// The fraction of the light that the walls on it let through.
+    pub transmittance: DVec3,
+    /// How many walls it goes through, at most [`MOST_PASSED`](crate::geometry::MOST_PASSED).
+    pub walls: usize,
+}
+
 impl Scene {
     /// Whether anything blocks the ray before `max_distance`, apart from the pane and the light that are named. A light
-    /// that lies on a surface is in front of it.
+    /// that lies on a surface is in front of it. Thin walls block the ray, too.
     pub fn blocked(
         &self,
         ray: &Ray,
@@ -28,7 +37,59 @@ impl Scene {
             || self.accelerator().occluded(ray, clear, ray_origin, ignored_pane, counters)
     }
 
-    /// Whether a light stands on the ray before `max_distance`, apart from the one that is named.
+    /// The straight way along a ray to a light at `distance`, through any thin walls; `None` where anything else stands
+    /// in the way.
+    pub fn straight_way(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        ray_origin: SurfaceId,
+        light: u32,
+        counters: &mut Counters,
+    ) -> Option<StraightWay> {
+        if !self.has_straight_meshes() {
+            let blocked = self.blocked(ray, distance, ray_origin, None, Some(light), counters);
+            return (!blocked).then_some(StraightWay { transmittance: DVec3::ONE, walls: 0 });
+        }
+        if self.blocked_by_light(ray, distance, Some(light)) {
+            return None;
+        }
+        let passes = |triangle| self.straight_bsdf(triangle).is_some();
+        let clear = distance * (1.0 - SAME_PLACE);
+        let walls = self.accelerator().passed(ray, clear, ray_origin, &passes, counters)?;
+        // In the order along the ray: a product of other order has other bits.
+        let transmittance = walls.iter().fold(DVec3::ONE, |product, wall| {
+            let at = self.surface_point(wall.index, wall.barycentric);
+            let of_wall = self.straight_bsdf(wall.index).map(|wall| wall.transmittance(&at, ray.direction));
+            product * of_wall.unwrap_or(DVec3::ZERO)
+        });
+        Some(StraightWay { transmittance, walls: walls.len() })
+    }
+
+    /// Whether anything blocks the ray to a point of a light, at `distance`. The triangle on which that point lies does
+    /// not, wherever rounding puts it.
+    pub fn blocked_from_light(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        ray_origin: SurfaceId,
+        light: u32,
+        sample: &SourceSample,
+        counters: &mut Counters,
+    ) -> bool {
+        let Some(triangle) = sample.triangle else {
+            return self.blocked(ray, distance, ray_origin, None, Some(light), counters);
+        };
+        let is_before = |hit: Hit| !matches!(hit.surface, Surface::Triangle { index, .. } if index == triangle);
+        self.blocked_by_light(ray, distance, Some(light))
+            || self
+                .accelerator()
+                .closest_hit(ray, distance * (1.0 - SAME_PLACE), ray_origin, counters)
+                .is_some_and(is_before)
+    }
+
+    /// Whether a light stands on the ray before `max_distance`, apart from the one that is named, and from those that
+    /// are surfaces of the scene.
     pub fn blocked_by_light(&self, ray: &Ray, max_distance: f64, target_light: Option<u32>) -> bool {
         self.light_sampler().on_ray(ray, max_distance, &mut |index| {
             let hit = || self.lights()[index as usize].intersect(ray);
@@ -61,20 +122,32 @@ impl Scene {
             )
     }
 
-    /// The pane that the straight line from `point` to `source` meets before anything else.
-    pub fn first_pane_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> Option<u32> {
-        let (ray, distance) = straight(point.position, source);
-        let hit = self.accelerator().closest_hit(&ray, distance, point.surface, counters)?;
+    /// The pane that the straight line from `point` to a source meets before anything else that is solid. The source
+    /// may be on a triangle of the scene.
+    pub fn first_pane_towards(
+        &self,
+        point: &ShadingPoint,
+        (source, triangle): (Source, Option<u32>),
+        counters: &mut Counters,
+    ) -> Option<u32> {
+        let (ray, distance) = straight(point.position, source, triangle);
+        let hit = self.accelerator().solid().closest_hit(&ray, distance, point.surface, counters)?;
         match hit.surface {
             Surface::Pane { index, .. } => Some(index),
             Surface::Triangle { .. } => None,
         }
     }
 
-    /// Whether anything blocks the straight line from `point` to `source`.
-    pub fn is_blocked_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> bool {
-        let (ray, distance) = straight(point.position, source);
-        self.accelerator().occluded(&ray, distance, point.surface, None, counters)
+    /// Whether anything solid blocks the straight line from `point` to a source. The source may be on a triangle of the
+    /// scene.
+    pub fn is_blocked_towards(
+        &self,
+        point: &ShadingPoint,
+        (source, triangle): (Source, Option<u32>),
+        counters: &mut Counters,
+    ) -> bool {
+        let (ray, distance) = straight(point.position, source, triangle);
+        self.accelerator().solid().occluded(&ray, distance, point.surface, counters)
     }
 }
 
@@ -84,10 +157,16 @@ fn segment(from: DVec3, to: DVec3) -> (Ray, f64) {
     (Ray::new(from, offset / length), length)
 }
 
-/// The straight line from a point to a source, and its length.
-pub(crate) fn straight(from: DVec3, source: Source) -> (Ray, f64) {
+/// The part of a straight line to a surface that shines which does not reach that surface, however it is rounded.
+const BEFORE_SURFACE: f64 = 1.0 - 1e-6;
+
+/// The straight line from a point to a source, and its length. It ends before the triangle on which the source is.
+pub(crate) fn straight(from: DVec3, source: Source, triangle: Option<u32>) -> (Ray, f64) {
     match source {
-        Source::Point(position) => segment(from, position),
+        Source::Point(position) => {
+            let (ray, length) = segment(from, position);
+            (ray, if triangle.is_some() { length * BEFORE_SURFACE } else { length })
+        }
         Source::Direction(direction) => (Ray::new(from, direction), f64::INFINITY),
     }
 }

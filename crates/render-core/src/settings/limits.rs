@@ -30,6 +30,9 @@ pub const MAX_PANES: usize = 4096;
 /// Lights of a scene.
 pub const MAX_LIGHTS: usize = 4096;
 
+/// Triangles of all meshes that are lights.
+pub const MAX_SHINING_TRIANGLES: usize = 1 << 20;
+
 /// Distance of geometry and cameras from the origin along each axis, metres.
 pub const MAX_COORDINATE: f64 = 1e6;
 

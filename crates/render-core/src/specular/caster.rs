@@ -128,7 +128,7 @@ impl SeenCaster {
         ray_origin: SurfaceId,
         counters: &mut Counters,
     ) -> Option<Hit> {
-        let accelerator = scene.accelerator();
+        let accelerator = scene.accelerator().solid();
         let holds = |surface: &Surface| match (self, surface) {
             (Self::Face { face, .. }, Surface::Pane { hit, .. }) => hit.boundary == PaneBoundary::Face(*face),
             (Self::Mesh(mesh), Surface::Triangle { index, .. }) => scene.mesh_of(*index) == *mesh,

@@ -122,7 +122,7 @@ impl Chain {
         let offset = place - point.position;
         let distance = offset.length();
         let ray = Ray::new(point.position, offset / distance);
-        if scene.accelerator().occluded_before(&ray, distance, point.surface, triangle, counters) {
+        if scene.accelerator().solid().occluded_before(&ray, distance, point.surface, triangle, counters) {
             return None;
         }
         let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
@@ -137,11 +137,11 @@ impl Chain {
     pub(super) fn along_straight_line(
         scene: &Scene,
         point: &ShadingPoint,
-        source: Source,
+        (source, triangle): (Source, Option<u32>),
         count: usize,
         counters: &mut Counters,
     ) -> Option<Self> {
-        let (mut ray, mut distance) = straight(point.position, source);
+        let (mut ray, mut distance) = straight(point.position, source, triangle);
         let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
         loop {
             let (inside, ray_origin) =
@@ -152,7 +152,7 @@ impl Chain {
                 return None;
             }
             chain.vertices.push(vertex);
-            (ray, distance) = straight(vertex.at.position, source);
+            (ray, distance) = straight(vertex.at.position, source, triangle);
         }
         (chain.vertices.len() == count && chain.vertices.last()?.inside.is_none()).then_some(chain)
     }
@@ -166,6 +166,9 @@ impl Chain {
                 }
                 let interface = scene.delta_bsdf(*index)?;
                 let place = scene.surface_point(*index, *barycentric);
+                let body = scene.bsdf(*index).absorption();
+                let leaves = ray.direction.dot(place.normals.geometric) > 0.0;
+                let kept = if leaves && body != DVec3::ZERO { absorption(body, hit.distance) } else { DVec3::ONE };
                 let (bend, factor, next) = match event {
                     SpecularEvent::Transmission => {
                         let crossing = interface.transmit(ray.direction, &place.normals)?;
@@ -179,7 +182,7 @@ impl Chain {
                 };
                 let at = scene.differential(*index, ray.at(hit.distance), *barycentric);
                 let vertex = ChainVertex { surface: SurfaceId::Triangle(*index), inside: None, at, bend };
-                Some(Step { vertex, factor, next })
+                Some(Step { vertex, factor: kept * factor, next })
             }
             Surface::Pane { index, hit: pane_hit } => {
                 let pane = &scene.panes()[*index as usize];
@@ -237,7 +240,7 @@ impl Chain {
             segments.lengths.push(length);
             from = vertex.at.position;
         }
-        let (last, length) = straight(from, source);
+        let (last, length) = straight(from, source, None);
         segments.directions.push(last.direction);
         segments.lengths.push(length);
         segments
@@ -312,10 +315,10 @@ fn next_hit(
 ) -> Option<Hit> {
     match (inside, ray_origin) {
         (Some(pane), SurfaceId::Pane { face, .. }) => {
-            let hit = scene.accelerator().closest_hit_inside(pane, ray, Some(face), counters);
+            let hit = scene.accelerator().solid().closest_hit_inside(pane, ray, Some(face), counters);
             hit.filter(|hit| hit.distance < distance)
         }
-        _ => scene.accelerator().closest_hit(ray, distance, ray_origin, counters),
+        _ => scene.accelerator().solid().closest_hit(ray, distance, ray_origin, counters),
     }
 }
 

@@ -42,6 +42,8 @@ pub struct SpecularPath<'a> {
     pub light: u32,
     /// Where on the light it comes from.
     pub source: Source,
+    /// The triangle of the scene on which that is, where the light is made of such.
+    pub triangle: Option<u32>,
     /// Unit direction towards the light behind the last vertex.
     pub last_direction: DVec3,
     /// The specular vertices, from the shading point on; at least one.

@@ -241,7 +241,7 @@ impl SolvedChain {
 
     /// Solid angle at the shading point for each area of the light, or solid angle of one at infinity.
     pub(super) fn magnification(&self, sample: &SourceSample) -> f64 {
-        let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(self.segments.last()));
+        let light_cosine = sample.cosine(self.segments.last());
         self.factor.abs() * light_cosine
     }
 
@@ -255,10 +255,10 @@ impl SolvedChain {
         counters: &mut Counters,
     ) -> Option<Arrival> {
         let direction = self.segments.directions[0];
-        let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(self.segments.last()));
+        let light_cosine = sample.cosine(self.segments.last());
         let falloff = scene.lights()[light as usize].falloff(self.segments.last());
         let is_lit = light_cosine.min(falloff) > 0.0 && direction.dot(point.normal) > 0.0;
-        if !is_lit || self.is_blocked(scene, point, light, counters) {
+        if !is_lit || self.is_blocked(scene, point, light, sample, counters) {
             return None;
         }
         counters.unique_solutions += 1;
@@ -266,13 +266,23 @@ impl SolvedChain {
         Some(Arrival { direction, weight })
     }
 
-    /// Whether a light stands in the way before the last vertex, or anything behind it.
-    fn is_blocked(&self, scene: &Scene, point: &ShadingPoint, light: u32, counters: &mut Counters) -> bool {
+    /// Whether a light or a veil stands in the way before the last vertex, or anything behind it. The chain was traced
+    /// through what is solid.
+    fn is_blocked(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        sample: &SourceSample,
+        counters: &mut Counters,
+    ) -> bool {
         let mut from = (point.position, point.surface, None);
         for (vertex, length) in self.chain.vertices.iter().zip(&self.segments.lengths) {
-            let (position, _, inside) = from;
+            let (position, ray_origin, inside) = from;
             let ray = Ray::new(position, (vertex.at.position - position) / *length);
-            if inside.is_none() && scene.blocked_by_light(&ray, *length, None) {
+            if inside.is_none() && scene.blocked_by_light(&ray, *length, None)
+                || scene.accelerator().is_veiled(&ray, *length, ray_origin, counters)
+            {
                 return true;
             }
             from = (vertex.at.position, vertex.surface, vertex.inside);
@@ -280,6 +290,6 @@ impl SolvedChain {
         let (position, ray_origin, inside) = from;
         let ray = Ray::new(position, self.segments.last());
         let length = self.segments.lengths[self.chain.vertices.len()];
-        inside.is_some() || scene.blocked(&ray, length, ray_origin, None, Some(light), counters)
+        inside.is_some() || scene.blocked_from_light(&ray, length, ray_origin, light, sample, counters)
     }
 }

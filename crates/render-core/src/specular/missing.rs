@@ -8,6 +8,12 @@ use super::side::GRAZING_COSINE;
 /// Paths over any specular vertices to a surface.
 pub(super) const ANY: &str = ".*D[RT]+L";
 
+/// Paths by way of a reflection to a surface.
+const OFF_ANY: &str = ".*D[RT]*R[RT]*L";
+
+/// Those, and paths that are transmitted more than once.
+const OVER_SEVERAL_OR_OFF_ANY: &str = ".*D([RT]*R[RT]*|TT+)L";
+
 /// Paths over other specular vertices than those of one pane that is passed through.
 const OTHER_THAN_TT: &str = ".*D([RT]|[RT]*R[RT]*|TTT+)L";
 
@@ -44,9 +50,17 @@ impl LightGroup {
         format!("light of {} that comes through or off a pane or a specular mesh to a surface", self.name)
     }
 
-    /// Their light by way of thin walls, which no method searches.
-    pub(crate) fn over_thin_walls(&self) -> PathClass {
-        PathClass::new(format!("light of {} that comes through or off a thin wall to a surface", self.name), ANY)
+    /// Their light that thin walls mirror, which no method searches. Behind glass that bends light, `contents` may have
+    /// any, methods take thin walls for opaque.
+    pub(crate) fn over_thin_walls(&self, contents: Contents) -> PathClass {
+        if contents.panes + contents.meshes == 0 {
+            return PathClass::new(format!("light of {} off a thin wall to a surface", self.name), OFF_ANY);
+        }
+        let text = format!(
+            "light of {} off a thin wall, or through both a thin wall and other glass, to a surface",
+            self.name
+        );
+        PathClass::new(text, OVER_SEVERAL_OR_OFF_ANY)
     }
 }
 

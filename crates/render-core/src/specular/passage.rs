@@ -70,7 +70,7 @@ impl<'a> Passage<'a> {
             return None;
         }
         let last = frame.vector_to_world(root.path.directions[2]);
-        let light_cosine = self.sample.normal.map_or(1.0, |normal| -normal.dot(last));
+        let light_cosine = self.sample.cosine(last);
         let falloff = self.scene.lights()[self.light as usize].falloff(last);
         if light_cosine.min(falloff) <= 0.0 {
             return None;
@@ -79,9 +79,9 @@ impl<'a> Passage<'a> {
         let [entry, exit] = root.path.vertices.map(|vertex| frame.point_to_world(vertex));
         let ray_origin = SurfaceId::Pane { index: self.pane, face: self.side.far };
         let outside = Ray::new(exit, last);
-        let Self { scene, point, light, pane, side, .. } = *self;
+        let Self { scene, point, light, sample, pane, side, .. } = *self;
         if scene.blocked_through_pane(point, entry, pane, side.near, &exit, counters)
-            || scene.blocked(&outside, root.path.lengths[2], ray_origin, None, Some(light), counters)
+            || scene.blocked_from_light(&outside, root.path.lengths[2], ray_origin, light, sample, counters)
         {
             return None;
         }

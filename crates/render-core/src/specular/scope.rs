@@ -65,7 +65,8 @@ impl Scope {
         stream: &mut SampleStream,
     ) -> Option<SourceSample> {
         let (centre, radius) = scene.specular_ball();
-        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        let source = &scene.lights()[light as usize];
+        let sample = source.sample_source(centre, radius, source.random(stream));
         self.receives(scene, point).then_some(sample)
     }
 

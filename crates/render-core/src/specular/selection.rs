@@ -1,10 +1,11 @@
 //! Which casters a method searches for paths from a shading point to a point on a light (Huan et al. 2023, section
 //! 3.3).
 
+use super::SpecularPath;
 use super::caster::Caster;
 use crate::scene::ShadingPoint;
 use crate::{
-    light::Source,
+    light::{Source, SourceSample},
     scene::{Scene, visibility::straight},
 };
 use clerestory_film::SampleStream;
@@ -45,17 +46,18 @@ impl PaneSelection {
         self,
         scene: &Scene,
         point: &ShadingPoint,
-        source: Source,
+        sample: &SourceSample,
         count: usize,
         stream: &mut SampleStream,
         counters: &mut Counters,
     ) -> Choice {
+        let place = (sample.source, sample.triangle);
         match self {
             Self::All => Choice::All,
-            Self::Sharp => first_caster_towards(scene, point, source, counters).map_or(Choice::None, Choice::One),
+            Self::Sharp => first_caster_towards(scene, point, place, counters).map_or(Choice::None, Choice::One),
             Self::Bleed | Self::Random => {
                 let pick = ((stream.next_1d() * count as f64) as usize).min(count.saturating_sub(1));
-                if count > 0 && (self == Self::Random || scene.is_blocked_towards(point, source, counters)) {
+                if count > 0 && (self == Self::Random || scene.is_blocked_towards(point, place, counters)) {
                     Choice::AtRandom(pick)
                 } else {
                     Choice::None
@@ -69,26 +71,28 @@ impl PaneSelection {
         self,
         scene: &Scene,
         point: &ShadingPoint,
-        source: Source,
+        path: &SpecularPath<'_>,
         caster: Caster,
         counters: &mut Counters,
     ) -> bool {
+        let place = (path.source, path.triangle);
         match self {
             Self::All | Self::Random => true,
-            Self::Sharp => first_caster_towards(scene, point, source, counters) == Some(caster),
-            Self::Bleed => scene.is_blocked_towards(point, source, counters),
+            Self::Sharp => first_caster_towards(scene, point, place, counters) == Some(caster),
+            Self::Bleed => scene.is_blocked_towards(point, place, counters),
         }
     }
 }
 
-/// The caster that the straight line from `point` to `source` meets before anything else.
+/// The caster that the straight line from `point` to a source meets before anything else. The source may be on a
+/// triangle of the scene.
 fn first_caster_towards(
     scene: &Scene,
     point: &ShadingPoint,
-    source: Source,
+    (source, triangle): (Source, Option<u32>),
     counters: &mut Counters,
 ) -> Option<Caster> {
-    let (ray, distance) = straight(point.position, source);
-    let hit = scene.accelerator().closest_hit(&ray, distance, point.surface, counters)?;
+    let (ray, distance) = straight(point.position, source, triangle);
+    let hit = scene.accelerator().solid().closest_hit(&ray, distance, point.surface, counters)?;
     Caster::of_surface(scene, &hit.surface)
 }

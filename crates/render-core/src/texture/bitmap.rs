@@ -20,10 +20,27 @@ pub struct Bitmap {
 
 impl Bitmap {
     /// Decodes a picture of 8 or 16 bits, or an EXR file.
+    ///
+    /// # Errors
+    ///
+    /// When it is not readable, or its colours are other than sRGB or linear Rec. 709.
     pub(crate) fn decode(bytes: &[u8], encoding: Encoding) -> Result<Self, AssetProblem> {
+        Self::decode_as(bytes, encoding, true)
+    }
+
+    /// The same of a picture in a glTF file. Its colours are sRGB whatever it states, as glTF demands.
+    ///
+    /// # Errors
+    ///
+    /// When it is not readable.
+    pub(crate) fn decode_in_gltf(bytes: &[u8], encoding: Encoding) -> Result<Self, AssetProblem> {
+        Self::decode_as(bytes, encoding, false)
+    }
+
+    fn decode_as(bytes: &[u8], encoding: Encoding, states_colours: bool) -> Result<Self, AssetProblem> {
         match decode_picture(bytes)? {
             Picture::Coded(CodedPicture { image, profile }) => {
-                if encoding == Encoding::Colour {
+                if encoding == Encoding::Colour && states_colours {
                     png_colour::check(bytes, profile.as_deref(), !image.color().has_color())?;
                 }
                 from_coded(&image, encoding)

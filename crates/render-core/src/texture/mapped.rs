@@ -160,23 +160,22 @@ pub struct TextureCoordinates(pub [DVec2; 2]);
 /// A decoded picture on a surface.
 #[derive(Clone, Debug)]
 pub(crate) struct MappedPicture {
-    bitmap: Arc<Bitmap>,
-    coordinates: usize,
-    wrap: [Wrap; 2],
-    filter: Filter,
-    transform: Option<TextureTransform>,
-    factor: DVec3,
+    pub(crate) bitmap: Arc<Bitmap>,
+    /// Which texture coordinates.
+    pub(crate) coordinates: usize,
+    pub(crate) wrap: [Wrap; 2],
+    pub(crate) filter: Filter,
+    /// What happens to texture coordinates; `None` for nothing.
+    pub(crate) transform: Option<TextureTransform>,
+    /// What red, green and blue are multiplied by.
+    pub(crate) factor: DVec3,
 }
 
 impl MappedPicture {
-    /// The picture, where it is looked up as it is: by the first coordinates, repeated and filtered.
-    pub(crate) fn unchanged(self) -> Option<Arc<Bitmap>> {
-        let is_plain = self.coordinates == 0
-            && self.wrap == [Wrap::Repeat; 2]
-            && self.filter == Filter::Linear
-            && self.transform.is_none()
-            && self.factor == DVec3::ONE;
-        is_plain.then_some(self.bitmap)
+    /// The least red, green and blue of all points.
+    pub(crate) fn least(&self) -> DVec3 {
+        let texels = self.bitmap.texels().iter().map(|texel| DVec3::from(texel.map(f64::from)));
+        self.factor * texels.fold(DVec3::INFINITY, DVec3::min)
     }
 
     /// Red, green and blue at a point.

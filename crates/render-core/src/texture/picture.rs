@@ -163,6 +163,25 @@ fn decode_coded(
     Ok(CodedPicture { image, profile })
 }
 
+/// Whether a picture says how opaque its pixels are, by the header of its file. One that cannot be read does not.
+pub(crate) fn has_alpha(bytes: &[u8]) -> bool {
+    match PictureFormat::of(bytes) {
+        Some(PictureFormat::Png) => {
+            let mut limits = Limits::no_limits();
+            limits.max_alloc = Some(MAX_PICTURE_BYTES);
+            let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits);
+            decoder.is_ok_and(|decoder| decoder.color_type().has_alpha())
+        }
+        Some(PictureFormat::WebP) => {
+            WebPDecoder::new(Cursor::new(bytes)).is_ok_and(|decoder| decoder.color_type().has_alpha())
+        }
+        Some(PictureFormat::Exr) => {
+            OpenExr::open(bytes).is_ok_and(|file| file.parts().first().is_some_and(|part| part.has("A")))
+        }
+        Some(PictureFormat::Jpeg) | None => false,
+    }
+}
+
 fn malformed_exr(error: OpenExrError) -> AssetProblem {
     AssetProblem::malformed(format_args!("is not a readable OpenEXR file: {error}"))
 }

@@ -10,7 +10,7 @@ use clerestory_film::file_format::FileFormat;
 
 /// A picture in linear Rec. 709.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct RadiancePicture {
+pub struct RadiancePicture {
     width: usize,
     height: usize,
     /// Rows from the top.
@@ -48,18 +48,18 @@ impl RadiancePicture {
     }
 
     /// Pixels across and down.
-    pub(crate) fn size(&self) -> [usize; 2] {
+    pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
     /// The texels, row by row from the top.
-    pub(crate) fn texels(&self) -> &[[f32; 3]] {
+    pub fn texels(&self) -> &[[f32; 3]] {
         &self.texels
     }
 
     /// The value between texels, `x` from the left and `y` from the top in texels, whose middles are at halves. What is
     /// left of the picture is at its right end, and the top and the bottom row go on.
-    pub(crate) fn between(&self, x: f64, y: f64) -> DVec3 {
+    pub fn between(&self, x: f64, y: f64) -> DVec3 {
         let (x, y) = (x - 0.5, (y - 0.5).clamp(0.0, (self.height - 1) as f64));
         let (left, top) = (x.floor(), y.floor());
         let (right_weight, bottom_weight) = (x - left, y - top);

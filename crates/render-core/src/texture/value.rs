@@ -40,6 +40,15 @@ pub enum Channel {
     Green,
     /// The third.
     Blue,
+    /// The opacity; 1 everywhere in a picture without.
+    Alpha,
+}
+
+impl ValueTexture {
+    /// How the picture is decoded.
+    fn encoding(&self) -> Encoding {
+        if self.channel == Channel::Alpha { Encoding::Opacity } else { Encoding::Data }
+    }
 }
 
 impl ValueDescription {
@@ -63,7 +72,7 @@ impl ValueDescription {
             Self::Texture(value) => Some(TextureUse {
                 place: format!("{place}.texture"),
                 texture: &value.texture,
-                encoding: Encoding::Data,
+                encoding: value.encoding(),
             }),
         }
     }
@@ -72,7 +81,15 @@ impl ValueDescription {
     pub(crate) fn build(&self, bitmaps: &Bitmaps<'_>) -> Value {
         match self {
             Self::Uniform(value) => Value::Uniform(*value),
-            Self::Texture(value) => Value::Textured(value.texture.build(Encoding::Data, bitmaps), value.channel),
+            Self::Texture(value) => {
+                let lane = match value.channel {
+                    // Of opacities, all three are the same.
+                    Channel::Red | Channel::Alpha => 0,
+                    Channel::Green => 1,
+                    Channel::Blue => 2,
+                };
+                Value::Textured(value.texture.build(value.encoding(), bitmaps), lane)
+            }
         }
     }
 }
@@ -82,8 +99,8 @@ impl ValueDescription {
 pub(crate) enum Value {
     /// The same everywhere.
     Uniform(f64),
-    /// A channel of a picture.
-    Textured(MappedPicture, Channel),
+    /// A channel of a picture, by its place among red, green and blue.
+    Textured(MappedPicture, usize),
 }
 
 impl Value {
@@ -91,7 +108,15 @@ impl Value {
     pub(crate) fn at(&self, at: TextureCoordinates) -> f64 {
         match self {
             Self::Uniform(value) => *value,
-            Self::Textured(picture, channel) => picture.at(at)[*channel as usize],
+            Self::Textured(picture, lane) => picture.at(at)[*lane],
+        }
+    }
+
+    /// The least value anywhere.
+    pub(crate) fn least(&self) -> f64 {
+        match self {
+            Self::Uniform(value) => *value,
+            Self::Textured(picture, lane) => picture.least()[*lane],
         }
     }
 }

@@ -53,7 +53,7 @@ pub enum SchemaError {
 const SAME_BY_FIRST: i64 = 29;
 
 /// Migrations, each with its version and its name.
-pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 30] = [
+pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 31] = [
     (1, "first", include_str!("../../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../../migrations/0003_farm.sql")),
@@ -84,6 +84,7 @@ pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 30] = [
     (28, "scene_refusals", include_str!("../../../migrations/0028_scene_refusals.sql")),
     (SAME_BY_FIRST, "same_by_first", include_str!("../../../migrations/0029_same_by_first.sql")),
     (30, "names", include_str!("../../../migrations/0030_names.sql")),
+    (31, "import_notes", include_str!("../../../migrations/0031_import_notes.sql")),
 ];
 
 /// The table of applied migrations. Newer builds leave the checksum empty.

@@ -245,8 +245,8 @@ pub(in crate::store) async fn close(connection: &mut Connection, lease: LeaseId)
 /// the job reports on its scene.
 pub(in crate::store) async fn unpin(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
     let opened = query(
-        "update jobs set probe_digest = null, scene_is_built = 0, left_to_chance = '[]', chosen_methods = '[]' \
-         where id = $1 and probe_digest is not null and shared_samples is null \
+        "update jobs set probe_digest = null, scene_is_built = 0, left_to_chance = '[]', chosen_methods = '[]', \
+         import_notes = '[]' where id = $1 and probe_digest is not null and shared_samples is null \
          and (select 1 from nodes where job = jobs.id limit 1) is null \
          and (select 1 from leases where job = jobs.id and state = 'active' limit 1) is null",
     );

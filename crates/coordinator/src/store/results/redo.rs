@@ -174,7 +174,7 @@ pub(in crate::store) async fn restart(
         "update jobs set cursor_round = 0, cursor_frame = 0, cursor_tile = 0, rounds = 0, complete_passes = 0, \
          samples = 0, \
          shared_samples = null, probe_digest = null, hold = null, scene_is_built = 0, left_to_chance = '[]', \
-         chosen_methods = '[]', scene_refusal = null, redone_nodes = redone_nodes + $2, \
+         chosen_methods = '[]', import_notes = '[]', scene_refusal = null, redone_nodes = redone_nodes + $2, \
          accepted_nodes = accepted_nodes + 1 where id = $1",
     )
     .bind(job.id.to_string())

@@ -51,12 +51,13 @@ async fn record(connection: &mut Connection, report: &SceneReport) -> Result<Opt
 
 async fn keep(connection: &mut Connection, job: JobId, scene: &BuiltScene, now_ms: i64) -> Result<(), StoreError> {
     query(
-        "update jobs set scene_is_built = 1, left_to_chance = $2, chosen_methods = $3, scene_refusal = null \
-         where id = $1",
+        "update jobs set scene_is_built = 1, left_to_chance = $2, chosen_methods = $3, import_notes = $4, \
+         scene_refusal = null where id = $1",
     )
     .bind(job.to_string())
     .bind(to_json(&scene.left_to_chance)?)
     .bind(to_json(&scene.chosen_methods)?)
+    .bind(to_json(&scene.import_notes)?)
     .execute(&mut *connection)
     .await?;
     events::record(connection, StoredKind::Job, job, now_ms).await

@@ -33,6 +33,8 @@ pub(super) struct Case {
     pub(super) incident: DVec3,
     /// About how far its narrowest lobe goes, radians.
     pub(super) width: f64,
+    /// Index of refraction behind the surface.
+    pub(super) index_behind: f64,
 }
 
 /// The material of a scene file.
@@ -77,6 +79,14 @@ pub(super) fn plastic(alpha: f64) -> Arc<dyn Bsdf> {
     metallic_roughness(alpha, &json!({"metallic": 0, "base_colour": {"colour": [0.7, 0.4, 0.1]}}))
 }
 
+/// A thin wall that lets a part of the light through.
+pub(super) fn frosted(alpha: f64) -> Arc<dyn Bsdf> {
+    let members = json!({
+        "metallic": 0.2, "base_colour": {"colour": [0.9, 0.6, 0.3]}, "specular": 0.8, "transmission": 0.7
+    });
+    metallic_roughness(alpha, &members)
+}
+
 pub(super) fn half_metal(alpha: f64) -> Arc<dyn Bsdf> {
     let specular_colour = json!({"colour": [0.9, 1, 0.5]});
     let members = json!({
@@ -97,7 +107,7 @@ pub(super) fn tilted(degrees: f64) -> SurfacePoint {
     let (across, _) = geometric.any_orthonormal_pair();
     let (sin, cos) = libm::sincos(degrees.to_radians());
     let shading = if degrees == 0.0 { geometric } else { geometric * cos + across * sin };
-    SurfacePoint { normals: Normals { geometric, shading }, texture: TextureCoordinates::default() }
+    SurfacePoint { normals: Normals { geometric, shading }, texture: TextureCoordinates::default(), colour: DVec3::ONE }
 }
 
 /// A direction away from a flat surface with this cosine to its normal.
@@ -112,18 +122,23 @@ impl Case {
     /// A flat surface, seen from a direction with this cosine to its normal: negative from behind.
     pub(super) fn flat(name: &str, bsdf: Arc<dyn Bsdf>, alpha: f64, cosine: f64) -> Self {
         let name = format!("{name} with alpha {alpha} at cosine {cosine}");
-        Self { name, bsdf, at: tilted(0.0), incident: -direction(cosine, 0.7), width: alpha }
+        Self { name, bsdf, at: tilted(0.0), incident: -direction(cosine, 0.7), width: alpha, index_behind: GLASS }
     }
 
     /// The cells of reflection and of transmission.
     pub(super) fn cells(&self) -> [Cells; 2] {
         let side = self.at.normals.facing(self.incident);
         let normal = self.at.normals.shading;
-        let ratio = if self.incident.dot(self.at.normals.geometric) < 0.0 { GLASS } else { 1.0 / GLASS };
+        let ratio = if self.incident.dot(self.at.normals.geometric) < 0.0 {
+            self.index_behind
+        } else {
+            1.0 / self.index_behind
+        };
         let refracted = refract(self.incident, normal, 1.0, ratio).map_or(self.incident, |found| found.direction);
-        // Reflection opens a lobe to twice the width.
+        // Reflection opens a lobe to twice the width, and a thin wall transmits its mirror image.
         let reflected = Cells::new(reflect(self.incident, normal), 2.0 * self.width, side);
-        [reflected, Cells::new(refracted, self.width, -side)]
+        let width = if self.index_behind == 1.0 { 2.0 * self.width } else { self.width };
+        [reflected, Cells::new(refracted, width, -side)]
     }
 
     /// The value of the BSDF times cosine.
@@ -149,6 +164,7 @@ pub(super) fn scattering() -> Vec<Case> {
             cases.push(Case::flat("glass from inside", rough_glass(alpha), alpha, -cosine));
             cases.push(Case::flat("plastic", plastic(alpha), alpha, cosine));
             cases.push(Case::flat("half metal", half_metal(alpha), alpha, cosine));
+            cases.push(Case { index_behind: 1.0, ..Case::flat("frosted", frosted(alpha), alpha, -cosine) });
         }
     }
     for (name, bsdf) in [("copper", copper(0.3)), ("glass", rough_glass(0.3)), ("plastic", plastic(0.3))] {

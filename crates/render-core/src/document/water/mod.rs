@@ -139,7 +139,10 @@ fn diffuse(name: &str, colour: Triple) -> (String, MaterialDescription) {
 }
 
 fn water() -> (String, MaterialDescription) {
-    ("water".to_owned(), MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction: WATER }))
+    (
+        "water".to_owned(),
+        MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction: WATER, absorption: [0.0; 3] }),
+    )
 }
 
 #[cfg(test)]

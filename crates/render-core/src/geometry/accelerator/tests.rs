@@ -11,8 +11,8 @@ use std::sync::LazyLock;
 /// Everything tested against everything, without a hierarchy.
 fn by_brute_force(accelerator: &Accelerator, ray: &Ray, max_distance: f64, ray_origin: SurfaceId) -> Option<Hit> {
     let mut counters = Counters::default();
-    let sheared = ShearedRay::new(ray);
-    let triangles = (0..).zip(&accelerator.corners).map(|(i, c)| accelerator.hit_triangle(&sheared, i, c, ray_origin));
+    let query = Query::new(ray, ray_origin, Parts::Drawn);
+    let triangles = (0..).zip(&accelerator.corners).map(|(i, c)| accelerator.hit_triangle(&query, i, c));
     let triangles: Vec<_> = triangles.collect();
     let panes = (0..accelerator.panes.len() as u32)
         .map(|i| accelerator.hit_pane(ray, max_distance, i, ray_origin, &mut counters));
@@ -27,7 +27,7 @@ fn check(accelerator: &Accelerator, ray: &Ray, max_distance: f64, ray_origin: Su
     assert_eq!(accelerator.occluded(ray, max_distance, ray_origin, None, &mut counters), found.is_some(), "{ray:?}");
     for pane in 0..accelerator.panes.len() as u32 {
         let is_pane = |hit: &Hit| matches!(hit.surface, Surface::Pane { index, .. } if index == pane);
-        let on_pane = accelerator.closest_hit_on_pane(pane, ray, max_distance, ray_origin, &mut counters);
+        let on_pane = accelerator.solid().closest_hit_on_pane(pane, ray, max_distance, ray_origin, &mut counters);
         assert_eq!(on_pane, found.filter(is_pane), "{ray:?}");
     }
     found
@@ -118,7 +118,7 @@ fn rays_over_sheets_meet_what_is_there() {
         let Surface::Triangle { index, .. } = hit.surface else { continue };
         let mut counters = Counters::default();
         let end = hit.distance;
-        assert!(!scene.occluded_before(&ray, end, SurfaceId::Nothing, index, &mut counters), "{ray:?}");
+        assert!(!scene.solid().occluded_before(&ray, end, SurfaceId::Nothing, index, &mut counters), "{ray:?}");
         let onward = DVec3::new(noise(i, 6), noise(i, 7), noise(i, 8)).normalize();
         let next = Ray::new(ray.at(end), onward);
         let ray_origin = SurfaceId::Triangle(index);
@@ -133,7 +133,7 @@ fn rays_over_sheets_meet_what_is_there() {
         let Some(third) = check(&scene, &further, f64::INFINITY, SurfaceId::Nothing) else { continue };
         if let Surface::Triangle { index, .. } = third.surface {
             let end = second.distance + third.distance;
-            assert!(scene.occluded_before(&next, end, ray_origin, index, &mut counters), "{next:?}");
+            assert!(scene.solid().occluded_before(&next, end, ray_origin, index, &mut counters), "{next:?}");
             ways[usize::from(scene.left_behind(SurfaceId::Triangle(index), &next).is_some())] += 1;
         }
     }

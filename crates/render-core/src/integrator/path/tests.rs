@@ -1,6 +1,5 @@
 //! Light through panes, against what Fresnel's equations say of it; and light that several methods must find alike.
 
-use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
@@ -8,22 +7,32 @@ use serde_json::{Value, json};
 use super::*;
 use crate::document::{SceneBundle, SceneDescription};
 use crate::integrator::render_node;
+use crate::scene::Assets;
 use clerestory_film::{NodeAddress, TileGrid};
 
 /// Edge of the images, pixels.
-const EDGE: u32 = 16;
+pub(super) const EDGE: u32 = 16;
 
 /// Samples of a pixel.
-const SAMPLES: u32 = 256;
+pub(super) const SAMPLES: u32 = 256;
 
-/// Mean of the red channel, and its standard error.
-fn mean(scene: &Value) -> (f64, f64) {
+/// The sums of all pixels.
+pub(super) fn sums(scene: &Value, assets: &Assets) -> Vec<[f32; 3]> {
     let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
-    let scene = PreparedScene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap();
+    let scene = PreparedScene::build(&SceneBundle::from_parts(description, assets.clone()).unwrap()).unwrap();
     let grid = TileGrid { width: EDGE, height: EDGE, tile_size: EDGE };
     let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
-    let rendered = render_node(&scene, &grid, address, &AtomicBool::new(false)).unwrap();
-    let sums = &rendered.node.layers().beauty;
+    render_node(&scene, &grid, address, &AtomicBool::new(false)).unwrap().node.layers().beauty.to_vec()
+}
+
+/// Mean of the red channel, and its standard error.
+pub(super) fn mean(scene: &Value) -> (f64, f64) {
+    mean_with(scene, &Assets::new())
+}
+
+/// The same of a scene with files.
+pub(super) fn mean_with(scene: &Value, assets: &Assets) -> (f64, f64) {
+    let sums = sums(scene, assets);
     let means: Vec<f64> = sums.iter().map(|sum| f64::from(sum[0]) / f64::from(SAMPLES)).collect();
     let count = means.len() as f64;
     let mean = means.iter().sum::<f64>() / count;
@@ -51,6 +60,36 @@ fn two_panes(gap: f64, at: f64) -> Value {
             "name": "panel", "centre": [0, 0, at + 1.0], "edge_u": [0, 2, 0], "edge_v": [2, 0, 0], "radiance": [1, 1, 1]
         }}]
     })
+}
+
+/// A camera that looks straight through a body with parallel faces, 0.1 m apart, at a panel of radiance 1.
+fn body(index_of_refraction: f64, absorption: f64, roughness: f64) -> Value {
+    let mut scene = two_panes(0.0, 0.0);
+    scene["panes"] = json!([]);
+    scene["materials"] = json!({"amber": {"rough_dielectric": {
+        "index_of_refraction": index_of_refraction, "roughness": roughness, "absorption": [absorption, 1, 1]
+    }}});
+    let corners: Vec<[f64; 3]> = (0..8).map(|bits| [0, 1, 2].map(|axis| f64::from(bits >> axis & 1) - 0.5)).collect();
+    let positions: Vec<[f64; 3]> = corners.iter().map(|[x, y, z]| [*x, *y, 0.1 * z]).collect();
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    scene["meshes"] = json!([{
+        "name": "block", "material": "amber", "source": {"inline": {"positions": positions, "triangles": triangles}}
+    }]);
+    scene
+}
+
+#[test]
+fn a_body_absorbs_over_the_way_through_it() {
+    for (index, absorption) in [(1.0, 7.0), (1.5, 7.0), (1.5, 0.0_f64)] {
+        let reflected = ((index - 1.0) / (index + 1.0_f64)).powi(2);
+        let kept = libm::exp(-0.1 * absorption);
+        // Over all reflections between both faces.
+        let expected = (1.0 - reflected) * (1.0 - reflected) * kept / (1.0 - reflected * reflected * kept * kept);
+        let (mean, error) = mean(&body(index, absorption, 0.0));
+        assert!((mean - expected).abs() < 4.0 * error + 1e-6, "{index}, {absorption}: {mean} +- {error}, {expected}");
+        assert!(absorption == 0.0 || (mean - expected / kept).abs() > 20.0 * error, "no power");
+    }
 }
 
 #[test]
@@ -143,7 +182,7 @@ fn an_environment_beside_many_lights_is_the_sum_of_both() {
 }
 
 /// A square in a plane of constant z.
-fn square(half: f64, z: f64) -> Value {
+pub(super) fn square(half: f64, z: f64) -> Value {
     json!({"inline": {
         "positions": [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]],
         "triangles": [[0, 1, 2], [0, 2, 3]]
@@ -151,7 +190,7 @@ fn square(half: f64, z: f64) -> Value {
 }
 
 /// A floor of a material under a lamp, with other things between them, seen at an angle.
-fn floor_under_lamp(floor: &Value, meshes: &[Value], panes: &Value, integrator: &Value) -> Value {
+pub(super) fn floor_under_lamp(floor: &Value, meshes: &[Value], panes: &Value, integrator: &Value) -> Value {
     let mut all = vec![json!({"name": "floor", "material": "floor", "source": square(0.5, 0.0)})];
     all.extend_from_slice(meshes);
     json!({
@@ -170,7 +209,7 @@ fn floor_under_lamp(floor: &Value, meshes: &[Value], panes: &Value, integrator: 
     })
 }
 
-fn pane(z: f64, edge: f64) -> Value {
+pub(super) fn pane(z: f64, edge: f64) -> Value {
     json!({
         "name": "pane", "centre": [0.3, 0, z], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
         "width": edge, "height": edge, "thickness": 0.003
@@ -178,7 +217,7 @@ fn pane(z: f64, edge: f64) -> Value {
 }
 
 /// Methods that look for light over several things, and that which looks for none.
-fn methods() -> Vec<Value> {
+pub(super) fn methods() -> Vec<Value> {
     let chains = json!(["T", "TT", "TTT"]);
     vec![
         json!({"path": {"max_depth": 6}}),

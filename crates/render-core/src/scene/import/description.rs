@@ -110,6 +110,11 @@ impl ImportSource {
         }
     }
 
+    /// Whether the file is nothing without the files that it refers to. An OBJ file has its shapes without materials.
+    pub(crate) fn needs_all_files(&self) -> bool {
+        matches!(self, Self::Gltf(_))
+    }
+
     /// The name of its format, as scene files have it.
     pub fn format(&self) -> &'static str {
         match self {

@@ -5,18 +5,52 @@ use std::collections::BTreeMap;
 use glam::DAffine2;
 
 use super::description::ImportDescription;
-use super::gltf::{AlphaMode, GltfFile, ImageSource, Material, Texture};
-use super::things::Expansion;
+use super::gltf::{AlphaMode, GltfFile, Material, Texture, Volume};
+use super::things::{Emission, Expansion, is_called_window};
 use crate::bsdf::{
     DielectricMaterial, MaterialDescription, MetallicRoughnessMaterial, RoughDielectricMaterial, ThinWallMaterial,
 };
 use crate::settings::Triple;
 use crate::texture::{
-    Channel, ColourDescription, Filter, TextureDescription, TextureTransform, ValueDescription, ValueTexture, Wrap,
+    Channel, ColourDescription, Filter, NormalMapDescription, TextureDescription, TextureTransform, ValueDescription,
+    ValueTexture, Wrap,
 };
 
 /// Roughness below which glass is clear.
 const CLEAR: f64 = 0.03;
+
+/// Luminous efficacy with which programs turn watts into lumens for glTF, lm/W.
+pub(super) const LUMENS_FOR_A_WATT: f64 = 683.0;
+
+/// How the generator of files is called that writes emitted light in W/(m2 sr), though it writes lamps in lumens.
+const BLENDER: &str = "Khronos glTF Blender I/O";
+
+/// A body lets no less light through over its distance than this.
+const DARKEST: f64 = 1e-9;
+
+/// Largest absorption of a body, per metre.
+const MOST_ABSORBED: f64 = 1e6;
+
+fn is_white(colour: &ColourDescription) -> bool {
+    matches!(colour, ColourDescription::Colour([red, green, blue]) if red.min(*green).min(*blue) > 0.999)
+}
+
+/// Roughness up to which a surface that blends with what is behind it is taken for glass, whatever it is called.
+const POLISHED: f64 = 0.3;
+
+/// Opacity from which on such a surface is none.
+const NEARLY_OPAQUE: f64 = 0.9;
+
+/// Whether a material is glass for a program that can only blend: one opacity everywhere, and smooth or called glass.
+fn is_blended_glass(material: &Material) -> bool {
+    let is_smooth = material.roughness <= POLISHED && material.metallic <= 0.5;
+    let is_even = material.base_colour_texture.is_none() && material.metallic_roughness_texture.is_none();
+    let is_called_so = material.name.as_deref().is_some_and(is_called_window);
+    material.alpha == AlphaMode::Blend
+        && material.base_colour[3] < NEARLY_OPAQUE
+        && is_even
+        && (is_smooth || is_called_so)
+}
 
 /// Whether light goes through a material.
 pub(super) fn is_transparent(material: &Material) -> bool {
@@ -52,54 +86,114 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
         name
     }
 
+    /// The light that a material emits. glTF has cd/m2.
+    pub(super) fn emission(&self, material: &Material) -> Option<Emission> {
+        let is_of_blender = self.file.generator().starts_with(BLENDER);
+        let strength = material.emissive_strength / if is_of_blender { 1.0 } else { LUMENS_FOR_A_WATT };
+        let radiance = material.emissive.map(|channel| channel * strength);
+        let texture = || self.picture(material.emissive_texture.as_ref()?, [1.0; 3]);
+        (radiance != [0.0; 3]).then(|| Emission { radiance, texture: texture() })
+    }
+
     fn describe(&self, material: &Material, name: &str, notes: &mut Vec<String>) -> MaterialDescription {
         let mut note = |is_left_out: bool, what: &str| {
             if is_left_out {
                 notes.push(format!("material {name}: {what}"));
             }
         };
-        note(material.normal_texture.is_some(), "its normal map is left out");
-        note(material.alpha != AlphaMode::Opaque, "its opacity is left out: it is opaque everywhere");
-        note(material.emissive != [0.0; 3], "the light that it emits is left out");
         note(material.is_unlit, "it is lit as other surfaces are, though the file says it is not");
-        let [red, green, blue, _] = material.base_colour;
+        let [red, green, blue, alpha] = material.base_colour;
         let base_colour = self.colour(material.base_colour_texture.as_ref(), [red, green, blue]);
-        if material.transmission > 0.5 {
+        let index_of_refraction = material.ior.clamp(1.0, 3.0);
+        let (opacity, opacity_threshold) = self.opacity(material);
+        if material.transmission <= 0.5 && is_blended_glass(material) {
+            note(true, "it is window glass: the file blends it with what is behind it");
+            let tint = [red, green, blue].map(|channel| 1.0 - alpha + alpha * channel);
+            return MaterialDescription::ThinWall(ThinWallMaterial {
+                index_of_refraction,
+                tint: ColourDescription::Colour(tint),
+                ..ThinWallMaterial::default()
+            });
+        }
+        let body = material.volume.as_ref().filter(|volume| volume.thickness > 0.0 && material.transmission > 0.5);
+        if let Some(body) = body {
             note(material.transmission_texture.is_some(), "its picture of transmission is left out");
             note(material.transmission < 1.0, "it lets all light through that it does not reflect");
-            let index_of_refraction = material.ior.clamp(1.0, 3.0);
-            let is_body = material.volume.as_ref().is_some_and(|volume| volume.thickness > 0.0);
-            if !is_body {
-                note(material.roughness > CLEAR, "it is clear, though the file has it rough");
-                return MaterialDescription::ThinWall(ThinWallMaterial { index_of_refraction, tint: base_colour });
-            }
-            let absorbs = material.volume.as_ref().is_some_and(|volume| volume.attenuation_distance.is_finite());
-            note(absorbs, "what it absorbs is left out: it is a clear body");
-            return if material.roughness > CLEAR {
-                let roughness = material.roughness;
-                MaterialDescription::RoughDielectric(RoughDielectricMaterial { index_of_refraction, roughness })
+            note(!is_white(&base_colour), "its base colour is left out: a body has the colour of what it absorbs");
+            note(material.alpha != AlphaMode::Opaque, "its opacity is left out: all of the body is there");
+            let absorption = self.absorption(body);
+            let roughness = material.roughness;
+            return if roughness > CLEAR {
+                MaterialDescription::RoughDielectric(RoughDielectricMaterial {
+                    index_of_refraction,
+                    roughness,
+                    absorption,
+                })
             } else {
-                MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction })
+                MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction, absorption })
             };
         }
-        note(material.transmission > 0.0, "the light that goes through it is left out");
-        note(material.specular_texture.is_some(), "its picture of specular strength is left out");
-        let data = |factor: f64, channel: Channel| match &material.metallic_roughness_texture {
+        let is_clear = material.roughness <= CLEAR && material.metallic_roughness_texture.is_none();
+        if material.transmission == 1.0 && material.transmission_texture.is_none() && is_clear {
+            return MaterialDescription::ThinWall(ThinWallMaterial {
+                index_of_refraction,
+                tint: base_colour,
+                opacity,
+                opacity_threshold,
+            });
+        }
+        let data = |texture: Option<&Texture>, factor: f64, channel: Channel| match texture {
             None => ValueDescription::Uniform(factor),
             Some(texture) => self.picture(texture, [factor; 3]).map_or(ValueDescription::Uniform(factor), |texture| {
                 ValueDescription::Texture(Box::new(ValueTexture { texture, channel }))
             }),
         };
+        let surface = material.metallic_roughness_texture.as_ref();
+        let transmission = material.transmission_texture.as_ref();
         let bounded = material.specular_colour.map(|channel| channel.min(1.0));
         MaterialDescription::MetallicRoughness(MetallicRoughnessMaterial {
             base_colour,
-            metallic: data(material.metallic, Channel::Blue),
-            roughness: data(material.roughness, Channel::Green),
+            metallic: data(surface, material.metallic, Channel::Blue),
+            roughness: data(surface, material.roughness, Channel::Green),
             index_of_refraction: material.ior,
-            specular: ValueDescription::Uniform(material.specular),
+            specular: data(material.specular_texture.as_ref(), material.specular, Channel::Alpha),
             specular_colour: self.colour(material.specular_colour_texture.as_ref(), bounded),
+            transmission: data(transmission, material.transmission, Channel::Red),
+            normal_map: self.normal_map(material),
+            opacity,
+            opacity_threshold,
             ..MetallicRoughnessMaterial::default()
         })
+    }
+
+    /// What a body absorbs, per metre.
+    fn absorption(&self, body: &Volume) -> Triple {
+        let distance = body.attenuation_distance * self.import.metres_per_unit;
+        body.attenuation_colour.map(|kept| {
+            let absorbed = -libm::log(kept.max(DARKEST)) / distance;
+            if absorbed.is_finite() { absorbed.clamp(0.0, MOST_ABSORBED) } else { 0.0 }
+        })
+    }
+
+    fn normal_map(&self, material: &Material) -> Option<Box<NormalMapDescription>> {
+        let texture = self.picture(material.normal_texture.as_ref()?, [1.0; 3])?;
+        Some(Box::new(NormalMapDescription { texture, strength: material.normal_scale }))
+    }
+
+    /// The part of a surface that is there, and from which opacity on all of it is.
+    fn opacity(&self, material: &Material) -> (ValueDescription, Option<f64>) {
+        let threshold = match material.alpha {
+            AlphaMode::Opaque => return (ValueDescription::number(1.0), None),
+            AlphaMode::Mask { cutoff } if cutoff > 1.0 => return (ValueDescription::number(0.0), None),
+            AlphaMode::Mask { cutoff } => Some(cutoff),
+            AlphaMode::Blend => None,
+        };
+        let factor = material.base_colour[3];
+        let picture = material.base_colour_texture.as_ref().and_then(|texture| self.picture(texture, [factor; 3]));
+        let opacity = picture.map_or(ValueDescription::number(factor), |texture| {
+            ValueDescription::Texture(Box::new(ValueTexture { texture, channel: Channel::Alpha }))
+        });
+        (opacity, threshold)
     }
 
     fn colour(&self, texture: Option<&Texture>, factor: Triple) -> ColourDescription {
@@ -109,11 +203,9 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
 
     /// A picture of the file on a surface.
     fn picture(&self, texture: &Texture, factor: Triple) -> Option<TextureDescription> {
-        let files = self.import.source.files();
-        let (file, image) = match self.file.image(texture.image)?.source {
-            ImageSource::Embedded(_) => (files.file.clone(), Some(texture.image as u32)),
-            ImageSource::File(name) => (files.beside(name), None),
-        };
+        // By its number, also where it is a file of its own: colours in glTF files are sRGB whatever a file states.
+        self.file.image(texture.image)?;
+        let (file, image) = (self.import.source.files().file.clone(), Some(texture.image as u32));
         let wrap = texture.wrap.map(|wrap| match wrap {
             super::gltf::Wrap::Repeat => Wrap::Repeat,
             super::gltf::Wrap::Mirror => Wrap::Mirror,

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::description::{GlazeRule, ImportDescription, ImportFiles};
 use super::gltf::{Camera, GltfFile, Light, LightKind, Projection};
-use super::gltf_materials::{GltfMaterials, is_transparent};
+use super::gltf_materials::{GltfMaterials, LUMENS_FOR_A_WATT, is_transparent};
 use super::old_glass::profile;
 use super::things::{Corners, Expansion, ImportedCamera, Thing, add};
 use crate::light::{LightDescription, PointLight, SpotLight, SunLight};
@@ -15,9 +15,6 @@ use crate::scene::Assets;
 use crate::scene::assets::{asset_bytes, beside};
 use crate::scene::description::{CameraDescription, GltfSource, MeshSource};
 use crate::settings::AssetProblem;
-
-/// Luminous efficacy with which programs turn watts into lumens for glTF, lm/W.
-const LUMENS_FOR_A_WATT: f64 = 683.0;
 
 /// Angular radius of the sun, degrees.
 const SUN: f64 = 0.267;
@@ -59,6 +56,7 @@ pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expa
                     }),
                     material: materials.name(primitive.material, &mut expansion),
                     is_transparent: material.is_some_and(is_transparent),
+                    emission: material.and_then(|material| materials.emission(material)),
                     pane: tags.into_iter().find_map(pane_of),
                 };
                 let corners = || -> Result<Corners, AssetProblem> {

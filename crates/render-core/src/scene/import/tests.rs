@@ -7,10 +7,12 @@ use super::*;
 use crate::bsdf::MaterialDescription;
 use crate::document::{SceneBundle, SceneDescription};
 use crate::integrator::PreparedScene;
-use crate::light::LightDescription;
-use crate::scene::description::CameraDescription;
+use crate::light::{LightDescription, MeshLight};
+use crate::scene::description::{CameraDescription, MeshSource};
 use crate::scene::{Asset, Assets};
 use crate::settings::{JsonPath, SceneError};
+use crate::texture::picture_samples::encode_png;
+use crate::texture::{Channel, ColourDescription, ValueDescription};
 
 /// A square of the file `a.glb` that stands upright: x to the right, y up.
 fn file(change: impl FnOnce(&mut Builder)) -> Assets {
@@ -127,7 +129,7 @@ fn a_window_becomes_a_pane_by_rule_or_by_what_its_program_says() {
     assert_eq!((unglazed.meshes.len(), unglazed.panes.len()), (1, 0));
     assert_eq!(expanded(json!({}), &named("Fenster")).glazable, [("Fenster".to_owned(), 1)]);
 
-    let tag = json!({"clerestory": {"kind": "pane", "thickness": 0.0015, "profile": "hammered"}});
+    let tag = json!({"clerestory": {"kind": "pane", "thickness": 0.0015, "profile": "crown"}});
     let tagged = expanded(json!({}), &file(|builder| builder.json["nodes"][0]["extras"] = tag));
     assert_eq!((tagged.panes.len(), tagged.panes[0].thickness), (1, 0.0015));
 }
@@ -143,6 +145,39 @@ fn what_is_no_pane_stays_a_mesh_and_says_why() {
     let expansion = expanded(json!({"glaze": [{"match": "*"}]}), &assets);
     assert_eq!((expansion.meshes.len(), expansion.panes.len()), (1, 0));
     assert!(expansion.unglazed[0].0 == "Window" && expansion.unglazed[0].1.contains("no rectangle"), "{expansion:?}");
+    assert!(matches!(expansion.meshes[0].source, MeshSource::Gltf(_)), "its texture coordinates stay: {expansion:?}");
+}
+
+#[test]
+fn a_window_that_is_too_large_for_its_relief_stays_a_mesh_and_says_how_large_it_may_be() {
+    let assets = file(|builder| builder.json["nodes"][0]["scale"] = json!([9, 1, 1]));
+    let rule = |front: Value| json!({"glaze": [{"match": "*", "front": front}]});
+    let hammered = expanded(rule(json!({"hammered": {"wavelength": 0.02, "amplitude": 1e-4}})), &assets);
+    assert_eq!((hammered.meshes.len(), hammered.panes.len()), (1, 0));
+    let remark = hammered.remarks().next().unwrap();
+    assert!(remark.contains("measures 9.00 m") && remark.contains("at most 0.85 m: divide it"), "{remark}");
+    assert_eq!(expanded(rule(json!("flat")), &assets).panes.len(), 1);
+}
+
+#[test]
+fn a_building_does_without_faces_of_no_area_and_normals_of_no_length() {
+    let assets = file(|builder| {
+        let corners = |corners: &[f32]| (floats(corners), json!({"componentType": F32, "type": "VEC3", "count": 3}));
+        let [line, normals] = [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0], [0.0; 9]].map(|values| {
+            let (bytes, accessor) = corners(&values);
+            builder.accessor(&bytes, accessor)
+        });
+        let (bytes, accessor) = corners(&SQUARE[..9]);
+        let triangle = builder.accessor(&bytes, accessor);
+        builder.json["meshes"][0]["primitives"] = json!([
+            {"attributes": {"POSITION": line}},
+            {"attributes": {"POSITION": triangle, "NORMAL": normals}}
+        ]);
+    });
+    let scene = built(json!([import(json!({}))]), assets).unwrap();
+    let [line, triangle] = scene.scene().meshes() else { panic!("two meshes") };
+    assert_eq!([line.triangles(), line.omitted_triangles()], [0, 1]);
+    assert_eq!(triangle.corner_normals(0), Some(&[scene.scene().triangle_normal(0); 3]));
 }
 
 #[test]
@@ -179,6 +214,130 @@ fn cameras_and_lights_are_where_their_nodes_are() {
     assert!(expanded(json!({"lights": false}), &assets).lights.is_empty());
 }
 
+/// The square of a material that emits light.
+fn emitting(strength: f64, generator: &str) -> Assets {
+    let extensions = json!({"KHR_materials_emissive_strength": {"emissiveStrength": strength}});
+    file(|builder| {
+        builder.json["asset"]["generator"] = json!(generator);
+        builder.json["extensionsUsed"] = json!(["KHR_materials_emissive_strength"]);
+        let material = json!({"name": "Lamp", "emissiveFactor": [1, 0.5, 0], "extensions": extensions});
+        builder.push("materials", material);
+        builder.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+        builder.json["nodes"][0]["name"] = json!("Panel");
+    })
+}
+
+fn shining(expansion: &Expansion) -> &MeshLight {
+    let [LightDescription::Mesh(light)] = &expansion.lights[..] else { panic!("{:?}", expansion.lights) };
+    light
+}
+
+#[test]
+fn a_mesh_whose_material_emits_light_is_a_light() {
+    // 683 cd/m2 are a watt in each steradian and square metre; Blender writes watts.
+    for (strength, generator) in [(683.0, "other"), (1.0, "Khronos glTF Blender I/O v4.5.51")] {
+        let assets = emitting(strength, generator);
+        let expansion = expanded(json!({}), &assets);
+        let light = shining(&expansion);
+        assert_eq!((light.name.as_str(), light.mesh.as_str()), ("hall/Panel", "hall/Panel"));
+        assert_eq!((light.radiance, &light.texture), ([1.0, 0.5, 0.0], &None), "{generator}");
+        let scene = built(json!([import(json!({}))]), assets).unwrap();
+        let (triangles, mesh) = (scene.scene().lights()[1].triangles(), &scene.scene().meshes()[0]);
+        assert_eq!((triangles, mesh.name()), (Some(mesh.triangle_range()), "hall/Panel"));
+    }
+    let assets = emitting(683.0, "other");
+    let rule = json!({"materials": [{"match": "Lamp", "material": "plaster"}]});
+    assert!(expanded(rule, &assets).lights.is_empty());
+    assert!(expanded(json!({"lights": false}), &assets).lights.is_empty());
+    let glazed = expanded(json!({"glaze": [{"match": "Panel"}]}), &assets);
+    assert!(glazed.lights.is_empty() && glazed.notes[0].contains("emits no light"), "{:?}", glazed.notes);
+}
+
+#[test]
+fn a_light_of_the_scene_takes_the_place_of_what_a_file_makes_of_its_mesh() {
+    let mut scene: Value = serde_json::from_str(&scene_text(json!([import(json!({}))]))).unwrap();
+    scene["lights"] = json!([{"mesh": {"name": "dim", "mesh": "hall/Panel", "radiance": [0.1, 0.1, 0.1]}}]);
+    let of = |scene: &Value| {
+        let description = SceneDescription::parse(scene.to_string().as_bytes())?;
+        PreparedScene::build(&SceneBundle::from_parts(description, emitting(683.0, "other"))?)
+    };
+    let prepared = of(&scene).unwrap();
+    let [light] = prepared.scene().lights() else { panic!("{:?}", prepared.scene().lights()) };
+    assert_eq!((light.name.as_str(), light.emission().x), ("dim", 0.1));
+    scene["lights"][0]["mesh"]["mesh"] = json!("hall/Pane");
+    let error = of(&scene).unwrap_err();
+    assert_eq!(error.path(), "lights[dim].mesh.mesh", "{error}");
+}
+
+#[test]
+fn colours_of_vertices_multiply_the_base_colour() {
+    let assets = file(|builder| {
+        builder.attribute("COLOR_0", "VEC3", &[1.0, 0.5, 0.0, 1.0, 0.5, 0.2, 1.0, 0.5, 0.4, 1.0, 0.5, 1.0], 4);
+        let material = json!({
+            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0},
+            "extensions": {"KHR_materials_specular": {"specularFactor": 0}}
+        });
+        builder.json["extensionsUsed"] = json!(["KHR_materials_specular"]);
+        builder.push("materials", material);
+        builder.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    });
+    let prepared = built(json!([import(json!({}))]), assets).unwrap();
+    let scene = prepared.scene();
+    // The middle of the first triangle.
+    let albedo = scene.bsdf(0).albedo(&scene.surface_point(0, [1.0 / 3.0, 1.0 / 3.0]));
+    assert!((albedo - glam::DVec3::new(0.5, 0.25, 0.1)).length() < 1e-6, "{albedo}");
+}
+
+#[test]
+fn bodies_absorb_over_metres_and_thin_walls_let_a_part_through() {
+    let assets = file(|builder| {
+        let volume = json!({"thicknessFactor": 1, "attenuationDistance": 50, "attenuationColor": [1, 0.5, 0.1]});
+        let transmission = |factor: f64| json!({"transmissionFactor": factor});
+        let body = json!({
+            "name": "Body", "pbrMetallicRoughness": {"roughnessFactor": 0, "metallicFactor": 0},
+            "extensions": {"KHR_materials_volume": volume, "KHR_materials_transmission": transmission(1.0)}
+        });
+        let wall = json!({"name": "Wall", "extensions": {"KHR_materials_transmission": transmission(0.4)}});
+        builder.json["extensionsUsed"] = json!(["KHR_materials_volume", "KHR_materials_transmission"]);
+        for (number, material) in [body, wall].into_iter().enumerate() {
+            builder.push("materials", material);
+            let primitive = json!({"attributes": {"POSITION": 0}, "indices": 1, "material": number});
+            let mesh = builder.push("meshes", json!({"primitives": [primitive]}));
+            builder.node(json!({"mesh": mesh}));
+        }
+    });
+    let expansion = expanded(json!({"metres_per_unit": 0.01}), &assets);
+    let MaterialDescription::Dielectric(body) = &expansion.materials["hall/Body"] else { panic!("{expansion:?}") };
+    // Half the green is left over 50 units of a centimetre.
+    for (absorption, kept) in body.absorption.into_iter().zip([1.0, 0.5, 0.1_f64]) {
+        assert!((absorption + 2.0 * libm::log(kept)).abs() < 1e-9, "{absorption}");
+    }
+    let MaterialDescription::MetallicRoughness(wall) = &expansion.materials["hall/Wall"] else {
+        panic!("{expansion:?}")
+    };
+    assert_eq!(wall.transmission, ValueDescription::number(0.4));
+}
+
+#[test]
+fn normal_maps_come_with_their_strength() {
+    let assets = file(|builder| {
+        builder.attribute("TEXCOORD_0", "VEC2", &[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0], 4);
+        let view = builder.view(&encode_png(image::RgbImage::from_pixel(1, 1, image::Rgb([229, 128, 204])).into()));
+        builder.push("images", json!({"bufferView": view, "mimeType": "image/png"}));
+        builder.push("textures", json!({"source": 0}));
+        builder.push("materials", json!({"normalTexture": {"index": 0, "scale": 0.5}}));
+        builder.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    });
+    let prepared = built(json!([import(json!({}))]), assets).unwrap();
+    let scene = prepared.scene();
+    let normals = scene.surface_point(0, [0.2, 0.2]).normals;
+    // The square stands upright and looks along -y; u grows along x.
+    let bump = |code: f64| 2.0 * code / 255.0 - 1.0;
+    let expected = glam::DVec3::new(0.5 * bump(229.0), -bump(204.0), 0.5 * bump(128.0)).normalize();
+    assert!((normals.geometric + glam::DVec3::Y).length() < 1e-6, "{normals:?}");
+    assert!((normals.shading - expected).length() < 1e-5, "{normals:?}, not {expected}");
+}
+
 #[test]
 fn faults_in_a_file_name_the_import_and_the_place_in_the_file() {
     let assets = file(|builder| builder.json["accessors"][0]["count"] = json!(5_000_000));
@@ -192,6 +351,23 @@ fn faults_in_a_file_name_the_import_and_the_place_in_the_file() {
     });
     let error = built(json!([import(json!({}))]), far).unwrap_err();
     assert!(error.path().starts_with("meshes[hall/Wall]"), "{error}");
+}
+
+#[test]
+fn materials_of_an_obj_file_shine() {
+    let text = "mtllib a.mtl\no Wall\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl lamp\nf 1/1 2/2 3/3\n";
+    let asset = |bytes: &[u8]| Asset::new(bytes.to_vec());
+    let picture = encode_png(image::DynamicImage::new_rgb8(2, 2));
+    let of = |library: &str| {
+        let assets = [("a.obj", text.as_bytes()), ("a.mtl", library.as_bytes()), ("a.png", &picture)];
+        let assets = Assets::from(assets.map(|(name, bytes)| (name.to_owned(), asset(bytes))));
+        expanded(json!({"source": {"obj": {"file": "a.obj", "files": ["a.mtl", "a.png"]}}}), &assets)
+    };
+    assert_eq!(shining(&of("newmtl lamp\nKe 3 2 1\n")).radiance, [3.0, 2.0, 1.0]);
+    let expansion = of("newmtl lamp\nmap_Ke a.png\n");
+    let light = shining(&expansion);
+    assert_eq!((light.radiance, light.texture.as_ref().unwrap().file.as_str()), ([1.0; 3], "a.png"));
+    assert!(of("newmtl lamp\nKe 0 0 0\nmap_Ke a.png\n").lights.is_empty());
 }
 
 #[test]
@@ -213,4 +389,77 @@ fn an_obj_file_has_its_parts_with_the_materials_of_its_library() {
     let scene = built(json!([import(glazed)]), assets).unwrap();
     assert_eq!((scene.scene().meshes().len(), scene.scene().panes().len()), (1, 1));
     assert_eq!(scene.scene().bounds().unwrap()[1].z, 1.0);
+}
+
+/// The material of the square with these settings, and the notes on it.
+fn described(material: Value) -> (MaterialDescription, Vec<String>) {
+    let assets = file(|builder| {
+        builder.push("images", json!({"uri": "leaf.png"}));
+        builder.push("textures", json!({"source": 0}));
+        builder.push("materials", material);
+        builder.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    });
+    let expansion = expanded(json!({}), &assets);
+    let (_, material) = expansion.materials.into_iter().next().unwrap();
+    (material, expansion.notes)
+}
+
+#[test]
+fn what_a_gltf_file_masks_or_blends_has_its_opacity() {
+    let material = |alpha: Value| {
+        let mut material = json!({
+            "name": "leaf",
+            "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.8], "baseColorTexture": {"index": 0}}});
+        material.as_object_mut().unwrap().extend(alpha.as_object().unwrap().clone());
+        let (MaterialDescription::MetallicRoughness(material), notes) = described(material) else { panic!() };
+        assert_eq!(notes, Vec::<String>::new());
+        let opacity = serde_json::to_value(&material.opacity).unwrap();
+        (opacity, material.opacity_threshold)
+    };
+    let texture = json!({"file": "a.glb", "image": 0, "factor": [0.8, 0.8, 0.8]});
+    let picture = json!({"texture": texture, "channel": "alpha"});
+    assert_eq!(material(json!({})), (json!(1.0), None));
+    assert_eq!(material(json!({"alphaMode": "BLEND"})), (picture.clone(), None));
+    assert_eq!(material(json!({"alphaMode": "MASK"})), (picture.clone(), Some(0.5)));
+    assert_eq!(material(json!({"alphaMode": "MASK", "alphaCutoff": 0.25})), (picture, Some(0.25)));
+    assert_eq!(material(json!({"alphaMode": "MASK", "alphaCutoff": 1.5})), (json!(0.0), None));
+}
+
+#[test]
+fn what_blends_and_is_smooth_or_called_glass_is_window_glass() {
+    let is_glass = |name: &str, roughness: f64, alpha: f64| {
+        let (material, notes) = described(json!({
+            "name": name, "alphaMode": "BLEND",
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.5, 1, 1, alpha], "metallicFactor": 0, "roughnessFactor": roughness}}));
+        let MaterialDescription::ThinWall(wall) = material else { return false };
+        assert!(notes.len() == 1 && notes[0].contains("window glass"), "{notes:?}");
+        // The file lets white light through where nothing is, and red light by half where there is something.
+        assert_eq!(wall.tint, ColourDescription::Colour([1.0 - 0.5 * alpha, 1.0, 1.0]));
+        true
+    };
+    assert!(is_glass("Window 1", 1.0, 0.25) && is_glass("anything", 0.1, 0.25));
+    assert!(!is_glass("curtain", 1.0, 0.25) && !is_glass("Window 1", 0.1, 0.95));
+}
+
+#[test]
+fn a_picture_of_opacity_cuts_leaves_out_of_an_obj_file() {
+    let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl leaf\nf 1/1 2/1 3/1\n";
+    let picture = |pixel: image::DynamicImage| Asset::new(encode_png(pixel));
+    let grey = picture(image::ImageBuffer::from_pixel(1, 1, image::Luma([9_u8])).into());
+    let with_alpha = picture(image::ImageBuffer::from_pixel(1, 1, image::LumaA([9_u8, 9])).into());
+    for (asset, channel) in [(grey, Channel::Red), (with_alpha, Channel::Alpha)] {
+        let library = Asset::new(b"newmtl leaf\nKd 0.1 0.4 0.1\nd 0.5\nmap_d leaf.png\n".to_vec());
+        let assets = Assets::from([
+            ("a.obj".to_owned(), Asset::new(text.as_bytes().to_vec())),
+            ("a.mtl".to_owned(), library),
+            ("leaf.png".to_owned(), asset),
+        ]);
+        let source = json!({"source": {"obj": {"file": "a.obj", "files": ["a.mtl", "leaf.png"]}}});
+        let expansion = expanded(source, &assets);
+        let MaterialDescription::MetallicRoughness(leaf) = &expansion.materials["hall/leaf"] else { panic!() };
+        let ValueDescription::Texture(opacity) = &leaf.opacity else { panic!("{leaf:?}") };
+        assert_eq!((opacity.channel, opacity.texture.factor), (channel, [0.5; 3]));
+        assert_eq!((&leaf.metallic, &leaf.specular), (&ValueDescription::number(0.0), &ValueDescription::number(0.0)));
+    }
 }

@@ -8,11 +8,14 @@ use super::description::{GlazeRule, ImportDescription, UpAxis};
 use super::glazing::{PaneFit, Piece, pieces};
 use crate::bsdf::MaterialDescription;
 use crate::geometry::rotation::rotation;
-use crate::light::LightDescription;
+use crate::light::{LightDescription, MeshLight};
 use crate::scene::description::{CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription};
+use crate::scene::profile::shortest_wavelength;
 use crate::settings::AssetProblem;
+use crate::settings::Triple;
 use crate::settings::limits::MAX_NAME_BYTES;
 use crate::settings::pattern::matches;
+use crate::texture::TextureDescription;
 
 /// What a file adds to a scene.
 #[derive(Clone, Debug, Default)]
@@ -34,6 +37,15 @@ pub struct Expansion {
     /// Names of windows without a rule, by what they are called or made of, with the number of panes that they could
     /// become.
     pub glazable: Vec<(String, usize)>,
+}
+
+impl Expansion {
+    /// What is in the file and not in the scene, or differs, and what a rule would make a pane of and is none: one
+    /// sentence each.
+    pub fn remarks(&self) -> impl Iterator<Item = String> {
+        let unglazed = self.unglazed.iter().map(|(name, reason)| format!("{name} is no pane: {reason}"));
+        self.notes.iter().cloned().chain(unglazed)
+    }
 }
 
 /// A camera of a file.
@@ -60,8 +72,18 @@ pub(super) struct Thing {
     pub(super) material: String,
     /// Whether its material lets light through.
     pub(super) is_transparent: bool,
+    /// The light of its material, if it emits any.
+    pub(super) emission: Option<Emission>,
     /// What the program that wrote the file says of glazing, if anything.
     pub(super) pane: Option<GlazeRule>,
+}
+
+/// Light that a material emits.
+pub(super) struct Emission {
+    /// W/(m2 sr).
+    pub(super) radiance: Triple,
+    /// By what radiance is multiplied.
+    pub(super) texture: Option<TextureDescription>,
 }
 
 /// The corners of a thing: positions in the file, and triangles.
@@ -69,6 +91,12 @@ pub(super) type Corners = (Vec<DVec3>, Vec<[u32; 3]>);
 
 /// Words in names that are worth glazing, in lower case.
 const WINDOWS: [&str; 9] = ["window", "glass", "pane", "glaz", "fenster", "glas", "vitrail", "fenetre", "vetr"];
+
+/// Whether a name is that of a window.
+pub(super) fn is_called_window(name: &str) -> bool {
+    let name = name.to_lowercase();
+    WINDOWS.iter().any(|word| name.contains(word))
+}
 
 impl ImportDescription {
     /// From the coordinates of the file to those of the scene.
@@ -111,8 +139,7 @@ impl Thing {
 
     /// Whether it is called or looks like a window.
     fn is_window(&self) -> bool {
-        let names = self.others.iter().chain([&self.name]).map(|name| name.to_lowercase());
-        self.is_transparent || names.into_iter().any(|name| WINDOWS.iter().any(|word| name.contains(word)))
+        self.is_transparent || self.others.iter().chain([&self.name]).any(|name| is_called_window(name))
     }
 
     /// Its pieces, in the coordinates of the scene.
@@ -121,10 +148,17 @@ impl Thing {
         pieces(&placed, &triangles)
     }
 
-    /// It as a mesh of the scene.
-    fn into_mesh(self, import: &ImportDescription, name: String) -> MeshDescription {
+    /// Adds it as a mesh of the scene. It shines if its material does and no material of the scene takes its place.
+    fn add_mesh(self, import: &ImportDescription, name: String, expansion: &mut Expansion) {
         let rule = import.materials.iter().find(|rule| self.fits(&rule.pattern));
-        MeshDescription {
+        if rule.is_none()
+            && import.lights
+            && let Some(Emission { radiance, texture }) = self.emission
+        {
+            let (texture, mesh) = (texture.map(Box::new), name.clone());
+            expansion.lights.push(LightDescription::Mesh(MeshLight { name: name.clone(), mesh, radiance, texture }));
+        }
+        expansion.meshes.push(MeshDescription {
             name,
             material: rule.map_or(self.material, |rule| rule.material.clone()),
             source: self.source,
@@ -132,7 +166,7 @@ impl Thing {
             scale: 1.0,
             rotate: [0.0; 3],
             translate: [0.0; 3],
-        }
+        });
     }
 }
 
@@ -154,28 +188,40 @@ pub(super) fn add(
             }
         }
         let name = import.name_of(&thing.name, taken);
-        expansion.meshes.push(thing.into_mesh(import, name));
+        thing.add_mesh(import, name, expansion);
         return Ok(());
     };
-    let mut rest = Vec::new();
+    if thing.emission.is_some() && import.lights {
+        expansion.notes.push(format!("{}: glass emits no light, though its material does", thing.name));
+    }
+    let (mut rest, before) = (Vec::new(), expansion.panes.len());
     for piece in thing.pieces(corners()?) {
-        match &piece.fit {
-            Ok(fit) => {
+        let pane = piece.fit.as_ref().map_err(String::clone).and_then(|fit| {
+            let pane = rule.pane(String::new(), fit, expansion.panes.len() as u64);
+            check_resolved(&pane).map(|()| pane)
+        });
+        match pane {
+            Ok(pane) => {
                 let name = import.name_of(&thing.name, taken);
-                let pane = rule.pane(name, fit, expansion.panes.len() as u64);
-                expansion.panes.push(pane);
+                expansion.panes.push(PaneDescription { name, ..pane });
             }
             Err(reason) => {
-                expansion.unglazed.push((thing.name.clone(), reason.clone()));
+                expansion.unglazed.push((thing.name.clone(), reason));
                 rest.push(piece);
             }
         }
     }
-    if !rest.is_empty() {
+    if expansion.panes.len() == before {
+        // Such as the textured frame of a window, which is called like one.
+        let name = import.name_of(&thing.name, taken);
+        thing.add_mesh(import, name, expansion);
+    } else if !rest.is_empty() {
         let name = import.name_of(&thing.name, taken);
         let source = inline(&rest);
         let to_scene = DAffine3::IDENTITY;
-        expansion.meshes.push(Thing { source, to_scene, ..thing }.into_mesh(import, name));
+        // These have no texture coordinates.
+        let emission = thing.emission.filter(|emission| emission.texture.is_none());
+        Thing { source, to_scene, emission, ..thing }.add_mesh(import, name, expansion);
     }
     Ok(())
 }
@@ -187,8 +233,9 @@ fn inline(pieces: &[Piece]) -> MeshSource {
     let triangles = (0..positions.len() as u32 / 3).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]);
     MeshSource::Inline {
         triangles: triangles.collect(),
+        // A material may have a texture, of which what is beside a pane has one texel.
+        texture_coordinates: vec![[0.0; 2]; positions.len()],
         positions,
-        texture_coordinates: Vec::new(),
         normals: Vec::new(),
     }
 }
@@ -217,6 +264,28 @@ impl GlazeRule {
             crossing: crate::geometry::FaceCrossing::default(),
         }
     }
+}
+
+/// Refuses a pane that is too large for its relief.
+fn check_resolved(pane: &PaneDescription) -> Result<(), String> {
+    let edge = pane.width.max(pane.height);
+    for profile in [&pane.front, &pane.back] {
+        let (ProfileDescription::Crown { wavelength, .. }
+        | ProfileDescription::Cylinder { wavelength, .. }
+        | ProfileDescription::Hammered { wavelength, .. }) = profile
+        else {
+            continue;
+        };
+        let shortest = shortest_wavelength(profile, edge);
+        if *wavelength < shortest {
+            let (kind, longest) = (profile.name(), edge * wavelength / shortest);
+            return Err(format!(
+                "it measures {edge:.2} m, and panes of {kind} glass with waves of {wavelength} m at most {longest:.2} \
+                 m: divide it into lights, or glaze it flat"
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The same profile with another seed, where it has one.

@@ -22,7 +22,7 @@ use self::parts::Sorting;
 use self::statements::{Kind, Statements};
 use super::mesh::TriangleMesh;
 use super::mesh_format::refuse_other_formats;
-use super::text::{Words, name};
+use super::text::{Lines, Words, name};
 use crate::settings::AssetProblem;
 
 /// A file of which only the statements are counted.
@@ -56,6 +56,11 @@ impl<'a> ObjFile<'a> {
         let mut faces = Faces::new(&numbers, self.counts.triangles);
         faces.read(self.bytes, None)?;
         Ok(faces.into_mesh())
+    }
+
+    /// Its statements of lines and points, which are left out.
+    pub(super) fn lines_and_points(&self) -> usize {
+        Lines::new(self.bytes, 1).filter(|line| matches!(Words(line).next(), Some(b"l" | b"p"))).count()
     }
 
     /// Its parts that have triangles, in the order in which they appear.

@@ -248,7 +248,9 @@ impl Connection<'_> {
     /// The light along the first path on the curve from the straight line to the light.
     fn first(&self, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
         let ManifoldWalk { scene, point, source, .. } = self.walk;
-        let Some(start) = on_straight_line(scene, point, source, self.mesh, counters) else { return };
+        let Some(start) = on_straight_line(scene, point, (source, self.sample.triangle), self.mesh, counters) else {
+            return;
+        };
         let facet = |triangle| facet(scene, self.mesh, triangle);
         let (triangle, weights) = start;
         let started = facet(triangle);
@@ -310,16 +312,16 @@ fn ways(scene: &Scene, point: &ShadingPoint, source: Source, mesh: u32, event: S
 /// edge would meet its two triangles in turn for ever.
 const MOST_PASSED: usize = 32;
 
-/// Where the straight line from `point` to `source` first meets a mesh, whatever else it meets: triangle and weights of
+/// Where the straight line from `point` to a source first meets a mesh, whatever else it meets: triangle and weights of
 /// its second and third corner.
 fn on_straight_line(
     scene: &Scene,
     point: &ShadingPoint,
-    source: Source,
+    (source, triangle): (Source, Option<u32>),
     mesh: u32,
     counters: &mut Counters,
 ) -> Option<(u32, DVec2)> {
-    let (mut ray, mut distance) = straight(point.position, source);
+    let (mut ray, mut distance) = straight(point.position, source, triangle);
     let mut ray_origin = point.surface;
     for _ in 0..MOST_PASSED {
         let hit = scene.accelerator().closest_hit(&ray, distance, ray_origin, counters)?;
@@ -335,7 +337,7 @@ fn on_straight_line(
                 PaneBoundary::Edge => return None,
             },
         };
-        (ray, distance) = straight(ray.at(hit.distance), source);
+        (ray, distance) = straight(ray.at(hit.distance), source, triangle);
     }
     None
 }

@@ -205,7 +205,7 @@ fn straight_to_light<'a>(
         return None;
     }
     let ray = Ray::new(point.position, direction);
-    let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, point.surface, counters)?;
+    let hit = scene.accelerator().solid().closest_hit(&ray, f64::INFINITY, point.surface, counters)?;
     let Surface::Pane { index, hit } = hit.surface else { return None };
     let PaneBoundary::Face(face) = hit.boundary else { return None };
     let number = FACES.iter().position(|known| *known == face)?;

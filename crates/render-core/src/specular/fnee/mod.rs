@@ -165,7 +165,8 @@ impl SpecularMethod for Fnee {
     ) {
         let panes = scene.accelerator().panes();
         let (centre, radius) = scene.specular_ball();
-        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        let source = &scene.lights()[light as usize];
+        let sample = source.sample_source(centre, radius, source.random(stream));
         if events == REFLECTED {
             let mirrors = scene.pane_tree().mirrors(point.position, &LightRegion::of_source(sample.source));
             let mut mirrors = mirrors.into_iter().peekable();
@@ -188,7 +189,7 @@ impl SpecularMethod for Fnee {
             return;
         }
         let random = stream.next_2d();
-        let is_met = !scene.lights()[light as usize].is_delta();
+        let is_met = !source.is_delta();
         let view = (is_met && self.combines()).then(|| LightView::new(scene, point, light, &Effort::at(point)));
         if let Some(view) = &view {
             view.cast(random, counters, &mut |light_sample, aperture| {
@@ -197,7 +198,7 @@ impl SpecularMethod for Fnee {
                 arrive(Arrival { weight: light_sample.arrival.weight * share, ..light_sample.arrival });
             });
         }
-        let choice = self.selection.choose(scene, point, sample.source, panes.len(), stream, counters);
+        let choice = self.selection.choose(scene, point, &sample, panes.len(), stream, counters);
         let (chosen, inverse_selection): (Panes, f64) = match choice {
             Choice::All => match &view {
                 // A pane that shows a point of the light shows the light.
@@ -223,7 +224,7 @@ impl SpecularMethod for Fnee {
             return true;
         }
         let Some(pane) = coverage::through_one_pane(scene, point, path) else { return false };
-        self.selection.may_choose(scene, point, path.source, Caster::Pane(pane), counters)
+        self.selection.may_choose(scene, point, path, Caster::Pane(pane), counters)
     }
 }
 

@@ -216,7 +216,7 @@ impl<'a> ReflectionSearch<'a> {
         let geometry = self.side.pane;
         let frame = &geometry.frame;
         let (direction, outwards) = (frame.vector_to_world(first), frame.vector_to_world(last));
-        let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(outwards));
+        let light_cosine = sample.cosine(outwards);
         let falloff = scene.lights()[light as usize].falloff(outwards);
         let towards = normal(&jet).dot(first) * self.side.sign;
         let away = -normal(&jet).dot(last) * self.side.sign;
@@ -236,7 +236,7 @@ impl<'a> ReflectionSearch<'a> {
         }
         let exit = Ray::new(frame.point_to_world(vertex), outwards);
         let ray_origin = SurfaceId::Pane { index: pane, face: self.side.near };
-        if scene.blocked(&exit, lengths[1], ray_origin, None, Some(light), counters) {
+        if scene.blocked_from_light(&exit, lengths[1], ray_origin, light, sample, counters) {
             return None;
         }
         counters.unique_solutions += 1;

@@ -49,7 +49,7 @@ impl SpecularMethod for Mnee {
         arrive: &mut dyn FnMut(Arrival),
     ) {
         if let Some(sample) = self.scope.light_sample(scene, point, light, stream)
-            && let Some(path) = self.path(scene, point, sample.source, events, counters)
+            && let Some(path) = self.path(scene, point, (sample.source, sample.triangle), events, counters)
             && let Some(arrival) = path.arrival(scene, point, light, &sample, counters)
         {
             arrive(arrival);
@@ -64,7 +64,7 @@ impl SpecularMethod for Mnee {
             MissedPaths::Dropped => true,
             MissedPaths::LeftToChance => {
                 let events: SmallVec<[SpecularEvent; 2]> = path.links.iter().map(|link| link.event).collect();
-                let found = self.path(scene, point, path.source, &events, counters);
+                let found = self.path(scene, point, (path.source, path.triangle), &events, counters);
                 found.is_some_and(|found| found.is_at(path.links[0].position))
             }
         }
@@ -72,19 +72,19 @@ impl SpecularMethod for Mnee {
 }
 
 impl Mnee {
-    /// The path to which the walk leads.
+    /// The path to which the walk leads. The source may be on a triangle of the scene.
     fn path(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
-        source: Source,
+        (source, triangle): (Source, Option<u32>),
         events: &[SpecularEvent],
         counters: &mut Counters,
     ) -> Option<SolvedChain> {
         if events.contains(&SpecularEvent::Reflection) {
             return None;
         }
-        let seed = Chain::along_straight_line(scene, point, source, events.len(), counters)?;
+        let seed = Chain::along_straight_line(scene, point, (source, triangle), events.len(), counters)?;
         let first = seed.vertices.first()?;
         let link = Link {
             event: events[0],

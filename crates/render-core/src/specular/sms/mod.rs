@@ -96,7 +96,7 @@ impl SpecularMethod for Sms {
     ) {
         let Some(sample) = self.scope.light_sample(scene, point, light, stream) else { return };
         let casters = &self.scope.casters;
-        let choice = self.selection.choose(scene, point, sample.source, casters.len(), stream, counters);
+        let choice = self.selection.choose(scene, point, &sample, casters.len(), stream, counters);
         let (chosen, inverse_selection) = match &choice {
             Choice::All => (&casters[..], 1.0),
             Choice::One(caster) if casters.contains(caster) => (std::slice::from_ref(caster), 1.0),
@@ -129,6 +129,6 @@ impl SpecularMethod for Sms {
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool {
         let caster = path.links.first().and_then(|first| Caster::of(scene, first));
         self.scope.holds(scene, point, path)
-            && caster.is_some_and(|caster| self.selection.may_choose(scene, point, path.source, caster, counters))
+            && caster.is_some_and(|caster| self.selection.may_choose(scene, point, path, caster, counters))
     }
 }

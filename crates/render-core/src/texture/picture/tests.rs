@@ -255,10 +255,11 @@ fn png_files_of_other_colours_are_refused() {
     let p3 = [31_270, 32_900, 68_000, 32_000, 26_500, 69_000, 15_000, 6000];
     let gamma_chunk = |value: u32| (b"gAMA", value.to_be_bytes().to_vec());
     type Chunk = (&'static [u8; 4], Vec<u8>);
-    let colour = |chunks: &[Chunk]| {
+    let coloured = |chunks: &[Chunk]| {
         let pixels: [Chunk; 1] = [(b"IDAT", vec![0, 1, 2, 3])];
-        bitmap(&png_of([1, 1], [8, 2, 0], &[chunks, &pixels].concat())).map_err(|error| error.to_string())
+        png_of([1, 1], [8, 2, 0], &[chunks, &pixels].concat())
     };
+    let colour = |chunks: &[Chunk]| bitmap(&coloured(chunks)).map_err(|error| error.to_string());
     let grey = |chunks: &[Chunk]| {
         let pixels: [Chunk; 1] = [(b"IDAT", vec![0, 1, 2])];
         let png = png_of([1, 1], [16, 0, 0], &[chunks, &pixels].concat());
@@ -291,6 +292,8 @@ fn png_files_of_other_colours_are_refused() {
         (vec![chunk(colours("Linear", srgb_red, &gamma(1.0)))], "the colour profile \"Linear\", must be sRGB"),
     ];
     for (chunks, fragment) in wrong {
+        let in_gltf = Bitmap::decode_in_gltf(&coloured(&chunks), Encoding::Colour);
+        assert!(in_gltf.is_ok(), "glTF demands sRGB: {fragment}");
         let message = colour(&chunks).unwrap_err();
         assert!(message.contains(fragment), "no {fragment:?} in: {message}");
     }

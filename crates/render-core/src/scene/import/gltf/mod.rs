@@ -29,7 +29,7 @@ use serde_json::Value;
 pub(crate) use self::cameras::{Camera, Projection};
 pub(crate) use self::decode::Primitive;
 pub(crate) use self::lights::{Light, LightKind};
-pub(crate) use self::materials::{AlphaMode, Material};
+pub(crate) use self::materials::{AlphaMode, Material, Volume};
 pub(crate) use self::primitive::PrimitiveInfo;
 pub(crate) use self::textures::{Image, ImageSource, Texture, TextureTransform, Wrap};
 
@@ -216,6 +216,11 @@ impl<'a> GltfFile<'a> {
     /// The lights, by their numbers in the file.
     pub(crate) fn lights(&self) -> &[Light] {
         &self.lights
+    }
+
+    /// The program that wrote the file, as written.
+    pub(crate) fn generator(&self) -> &str {
+        &self.document.generator
     }
 
     /// What the file holds and this build leaves out, one sentence for each kind.

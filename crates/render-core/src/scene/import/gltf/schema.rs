@@ -37,6 +37,9 @@ pub(super) struct Document<'a> {
     pub(super) skins: List<IgnoredAny>,
     pub(super) textures: List<Texture>,
     pub(super) extensions: Extensions,
+    /// The program that wrote the file.
+    #[serde(skip)]
+    pub(super) generator: String,
 }
 
 /// A text without escapes is not copied: it may be a picture.
@@ -253,6 +256,7 @@ struct Head {
 struct Version {
     version: Value,
     min_version: Value,
+    generator: Value,
 }
 
 impl<'a> Document<'a> {
@@ -262,13 +266,17 @@ impl<'a> Document<'a> {
             true => fault("asset", error),
             false => fault("JSON", error),
         })?;
-        check_version(&head.asset.unwrap_or_default())?;
+        let asset = head.asset.unwrap_or_default();
+        check_version(&asset)?;
         let mut deserializer = serde_json::Deserializer::from_slice(json);
-        serde_path_to_error::deserialize(&mut deserializer).map_err(|error| fault(error.path(), error.inner()))
+        let document: Self =
+            serde_path_to_error::deserialize(&mut deserializer).map_err(|error| fault(error.path(), error.inner()))?;
+        let generator = asset.generator.as_str().unwrap_or_default().to_owned();
+        Ok(Self { generator, ..document })
     }
 }
 
-fn check_version(Version { version, min_version }: &Version) -> Result<(), AssetProblem> {
+fn check_version(Version { version, min_version, .. }: &Version) -> Result<(), AssetProblem> {
     let text = |version: &Value| match version {
         Value::String(text) => text.clone(),
         other => other.to_string(),

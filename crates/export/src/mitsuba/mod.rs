@@ -5,15 +5,25 @@
 //! wrapped in `twosided`. Shapes of lights have no material, so they reflect nothing. Its depth counts segments, ours
 //! vertices.
 
-use clerestory_render_core::exchange::{CameraModel, ColourModel, LightModel, ProjectionModel, SurfaceModel};
-use clerestory_render_core::settings::Triple;
+mod element;
+mod environment;
+mod light_frame;
+mod surface;
+mod xml;
+
+use clerestory_render_core::exchange::{CameraModel, LightModel, ProjectionModel, RadianceModel};
 use glam::{DMat4, DVec3};
 
-use crate::contents::{Contents, Pane};
+use crate::approximation::Approximation;
+use crate::contents::{Contents, Light, Pane};
 use crate::error::ExportError;
 use crate::file_name::file_name;
-use crate::light_frame::{disk, rectangle};
-use crate::xml::Element;
+use crate::texture::Pictures;
+use element::{float, look_at, matrix, point, rgb};
+use environment::{constant, environment};
+use light_frame::{disk, linear_beam, rectangle};
+use surface::{Surfaces, bitmap, dielectric, diffuse, two_sided};
+use xml::Element;
 
 /// Distance of a disk that stands for a sun, in radii of the scene. Directions towards it differ by at most the inverse
 /// of it, radians.
@@ -25,8 +35,16 @@ const LARGEST_SUN: f64 = 80.0;
 /// Nearest visible distance, in radii of the scene.
 const NEAR: f64 = 1e-5;
 
+/// `scene.xml`.
+#[derive(Debug)]
+pub(crate) struct Translation {
+    pub(crate) text: String,
+    /// What Mitsuba has no twin for.
+    pub(crate) approximations: Vec<Approximation>,
+}
+
 /// Checks that the file can say all this.
-pub(crate) fn check(contents: &Contents) -> Result<(), ExportError> {
+fn check(contents: &Contents) -> Result<(), ExportError> {
     for light in &contents.lights {
         if let LightModel::Distant { angular_radius, .. } = light.model
             && angular_radius > LARGEST_SUN
@@ -41,15 +59,29 @@ pub(crate) fn check(contents: &Contents) -> Result<(), ExportError> {
     Ok(())
 }
 
-/// The text of the file.
-pub(crate) fn text(contents: &Contents) -> String {
+/// Writes the file, and adds pictures that it takes.
+pub(crate) fn translate(contents: &Contents, pictures: &mut Pictures) -> Result<Translation, ExportError> {
+    check(contents)?;
+    let mut approximations = Vec::new();
+    let mut textures = Vec::new();
+    let mut materials = Vec::new();
+    for material in &contents.materials {
+        let mut surfaces = Surfaces::new(&mut textures);
+        materials.push(surfaces.covered(&material.model, &material.cover).with("id", &material_id(&material.id)));
+        let place = format!("materials.{}", material.name);
+        let differences = surfaces.differences.into_iter();
+        approximations.extend(differences.map(|(by, difference)| Approximation {
+            place: place.clone(),
+            by,
+            difference,
+        }));
+    }
     let mut scene = Element::new("scene").with("version", "3.0.0");
     scene.add(Element::new("default").with("name", "spp").with("value", "64"));
     scene.add(integrator(contents));
     scene.add(sensor(contents));
-    for material in &contents.materials {
-        scene.add(bsdf(&material.model).with("id", &material_id(&material.id)));
-    }
+    textures.iter().enumerate().for_each(|(number, texture)| scene.add(bitmap(number, texture)));
+    materials.into_iter().for_each(|material| scene.add(material));
     for mesh in &contents.meshes {
         let material = contents.materials.iter().find(|material| material.name == mesh.material);
         let id = material.map_or_else(String::new, |material| material_id(&material.id));
@@ -60,9 +92,13 @@ pub(crate) fn text(contents: &Contents) -> String {
         scene.add(ply(&pane.edge, true).containing(two_sided(diffuse(rgb("reflectance", [0.0; 3])))));
     }
     for (index, light) in contents.lights.iter().enumerate() {
-        scene.add(emitter(&light.model, contents.ball).with("id", &format!("light-{}", file_name(index, &light.name))));
+        let mut differ = |by, difference| {
+            approximations.push(Approximation { place: format!("lights[{}]", light.name), by, difference });
+        };
+        let element = emitter(light, contents.ball, pictures, &mut differ)?;
+        scene.add(element.with("id", &format!("light-{}", file_name(index, &light.name))));
     }
-    scene.text()
+    Ok(Translation { text: scene.text(), approximations })
 }
 
 fn material_id(id: &str) -> String {
@@ -77,12 +113,9 @@ fn integrator(contents: &Contents) -> Element {
 }
 
 fn sensor(contents: &Contents) -> Element {
-    let CameraModel { position, look_at, up, projection } = &contents.camera;
+    let CameraModel { position, look_at: target, up, projection } = &contents.camera;
     let (_, radius) = contents.ball;
-    let look = Element::new("lookat")
-        .with("origin", &numbers(*position))
-        .with("target", &numbers(*look_at))
-        .with("up", &numbers(*up));
+    let look = look_at(*position, *target, *up);
     let (sensor, to_world) = match projection {
         ProjectionModel::Perspective { vertical_field_of_view } => {
             let sensor = Element::plugin("sensor", "perspective")
@@ -113,44 +146,6 @@ fn sensor(contents: &Contents) -> Element {
         .containing(sampler)
 }
 
-/// The material of a model.
-fn bsdf(model: &SurfaceModel<String>) -> Element {
-    match model {
-        SurfaceModel::Diffuse { reflectance: ColourModel::Colour(colour) } => {
-            two_sided(diffuse(rgb("reflectance", *colour)))
-        }
-        SurfaceModel::Diffuse { reflectance: ColourModel::Texture(file) } => {
-            let texture = Element::plugin("texture", "bitmap")
-                .with("name", "reflectance")
-                .containing(Element::value("string", "filename", file))
-                .containing(Element::value("string", "filter_type", "bilinear"))
-                .containing(Element::value("string", "wrap_mode", "repeat"));
-            two_sided(diffuse(texture))
-        }
-        SurfaceModel::Mirror { reflectance } => {
-            let conductor = Element::plugin("bsdf", "conductor")
-                .containing(Element::value("string", "material", "none"))
-                .containing(rgb("specular_reflectance", *reflectance));
-            two_sided(conductor)
-        }
-        SurfaceModel::Dielectric { index_of_refraction } => dielectric(*index_of_refraction),
-    }
-}
-
-fn diffuse(reflectance: Element) -> Element {
-    Element::plugin("bsdf", "diffuse").containing(reflectance)
-}
-
-fn two_sided(bsdf: Element) -> Element {
-    Element::plugin("bsdf", "twosided").containing(bsdf)
-}
-
-fn dielectric(index_of_refraction: f64) -> Element {
-    Element::plugin("bsdf", "dielectric")
-        .containing(Element::value("float", "int_ior", index_of_refraction))
-        .containing(Element::value("float", "ext_ior", 1))
-}
-
 /// The faces of a pane, with a medium between them where they absorb light.
 fn glass(pane: &Pane) -> Element {
     let shape = ply(&pane.faces, false).containing(dielectric(pane.index_of_refraction));
@@ -167,19 +162,40 @@ fn glass(pane: &Pane) -> Element {
     shape.containing(medium)
 }
 
-/// The light of a model. `ball` is around everything but distant lights.
-fn emitter(model: &LightModel, (middle, radius): (DVec3, f64)) -> Element {
+/// A light. `ball` is around everything but distant lights.
+fn emitter(
+    light: &Light,
+    (middle, radius): (DVec3, f64),
+    pictures: &mut Pictures,
+    differ: &mut dyn FnMut(&'static str, &'static str),
+) -> Result<Element, ExportError> {
     let area = |radiance| Element::plugin("emitter", "area").containing(rgb("radiance", radiance));
     let placed = |shape: &str, to_world: DMat4, radiance| {
         Element::plugin("shape", shape).containing(matrix(to_world)).containing(area(radiance))
     };
-    match *model {
+    Ok(match light.model {
         LightModel::Point { position, intensity } => Element::plugin("emitter", "point")
             .containing(point("position", position))
             .containing(rgb("intensity", intensity)),
+        LightModel::Spot { position, direction, intensity, inner_angle, outer_angle } => {
+            if inner_angle < outer_angle {
+                differ(
+                    "`spot`",
+                    "between its angles the intensity is linear in the angle; its power is about the same",
+                );
+            }
+            let axis = DVec3::from(direction);
+            let target = (DVec3::from(position) + axis).to_array();
+            let up = axis.any_orthonormal_vector().to_array();
+            Element::plugin("emitter", "spot")
+                .containing(Element::transform().containing(look_at(position, target, up)))
+                .containing(rgb("intensity", intensity))
+                .containing(float("cutoff_angle", outer_angle))
+                .containing(float("beam_width", linear_beam(inner_angle, outer_angle)))
+        }
         LightModel::Sphere { centre, radius, radiance } => Element::plugin("shape", "sphere")
             .containing(point("center", centre))
-            .containing(Element::value("float", "radius", radius))
+            .containing(float("radius", radius))
             .containing(area(radiance)),
         LightModel::Rectangle { centre, edge_u, edge_v, radiance } => {
             placed("rectangle", rectangle(centre, edge_u, edge_v), radiance)
@@ -192,7 +208,12 @@ fn emitter(model: &LightModel, (middle, radius): (DVec3, f64)) -> Element {
             let disk_radius = distance * libm::tan(angular_radius.to_radians());
             placed("disk", disk(centre, (-direction).to_array(), disk_radius), radiance)
         }
-    }
+        LightModel::Environment { radiance: RadianceModel::Colour(radiance) } => constant(radiance),
+        LightModel::Environment { radiance: RadianceModel::Picture { ref file, scale, middle, left, up } } => {
+            let file = environment::file(file, light.picture.as_ref(), pictures, differ)?;
+            environment(&file, scale, [middle, left, up])
+        }
+    })
 }
 
 /// A mesh in a file.
@@ -202,25 +223,4 @@ fn ply(file: &str, is_flat: bool) -> Element {
         "face_normals",
         is_flat,
     ))
-}
-
-fn rgb(name: &str, colour: Triple) -> Element {
-    Element::value("rgb", name, numbers(colour))
-}
-
-fn point(name: &str, [x, y, z]: Triple) -> Element {
-    let coordinates = [("x", x), ("y", y), ("z", z)];
-    coordinates
-        .into_iter()
-        .fold(Element::new("point").with("name", name), |element, (axis, value)| element.with(axis, &value.to_string()))
-}
-
-/// A placement, by the rows of its matrix.
-fn matrix(to_world: DMat4) -> Element {
-    let rows = to_world.transpose().to_cols_array().map(|value| value.to_string()).join(" ");
-    Element::transform().containing(Element::new("matrix").with("value", &rows))
-}
-
-fn numbers(triple: Triple) -> String {
-    triple.map(|number| number.to_string()).join(", ")
 }
