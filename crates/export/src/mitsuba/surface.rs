@@ -60,6 +60,7 @@ impl<'a> Surfaces<'a> {
         if let Some(normals) = &cover.normals {
             bsdf = Element::plugin("bsdf", "normalmap")
                 .containing(self.texture("normalmap", normals, true))
+                .containing(Element::value("boolean", "use_shadowing_function", false))
                 .containing(bsdf);
         }
         let Some(opacity) = &cover.opacity else { return bsdf };
