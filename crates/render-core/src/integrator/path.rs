@@ -349,7 +349,9 @@ impl<'a> PathTracer<'a> {
         }
         let Some(next) = bsdf.sample(&at, incident, stream) else { return false };
         walk.throughput *= next.weight;
-        if bsdf.transmits() && next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0 {
+        let goes_through = next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0;
+        // A thin wall bounds no body: behind it is what was before it.
+        if goes_through && bsdf.absorption() != DVec3::ZERO {
             walk.body = if leaves { DVec3::ZERO } else { bsdf.absorption() };
         }
         walk.ray_origin = ray_origin;
