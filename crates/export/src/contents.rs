@@ -37,9 +37,9 @@ pub(crate) struct Material {
     /// Its name where few characters are allowed.
     #[serde(skip)]
     pub(crate) id: String,
-    /// Which of two sets of texture coordinates its pictures use.
+    /// Which of two sets of texture coordinates its pictures use, if it has any.
     #[serde(skip)]
-    pub(crate) coordinates: usize,
+    pub(crate) coordinates: Option<usize>,
     #[serde(flatten)]
     pub(crate) model: SurfaceModel<String>,
     #[serde(flatten)]
@@ -50,7 +50,7 @@ pub(crate) struct Material {
 pub(crate) struct Light {
     pub(crate) name: String,
     #[serde(flatten)]
-    pub(crate) model: LightModel,
+    pub(crate) model: LightModel<String>,
     /// The picture of an environment.
     #[serde(skip)]
     pub(crate) picture: Option<RadiancePicture>,

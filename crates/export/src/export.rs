@@ -1,7 +1,9 @@
 //! From a scene to its files.
 
-use clerestory_render_core::exchange::{LightModel, RadianceModel, SurfaceModel};
-use clerestory_render_core::scene::{Scene, decode_radiance};
+use clerestory_render_core::exchange::{ColourModel, LightModel, RadianceModel, SurfaceModel};
+use clerestory_render_core::scene::description::MeshDescription;
+use clerestory_render_core::scene::{Scene, decode_radiance, decode_textures};
+use clerestory_render_core::texture::Bitmaps;
 use glam::DVec3;
 
 use crate::approximation::{Approximation, sentences};
@@ -58,17 +60,16 @@ impl<'a> Export<'a> {
         let origin = origin(scene);
         let camera = parts.camera.model();
         let mut pictures = Pictures::default();
-        let (lights, left_out) = lights(source, origin, &mut pictures)?;
-        let (materials, approximations) = materials(source, &mut pictures)?;
+        let bitmaps = decode_textures(source.parts, source.assets)?;
+        let (lights, mut approximations) = lights(source, &bitmaps, origin, &mut pictures)?;
+        let (materials, simpler) = materials(source, &bitmaps, &mut pictures)?;
+        approximations.extend(simpler);
         let meshes = parts.meshes.iter().enumerate().map(|(index, mesh)| Mesh {
             name: mesh.name.clone(),
             file: format!("meshes/{}.ply", file_name(index, &mesh.name)),
             material: mesh.material.clone(),
             normals: has_normals(scene, index),
-            coordinates: materials
-                .iter()
-                .find(|material| material.name == mesh.material)
-                .map_or(0, |material| material.coordinates),
+            coordinates: coordinates(mesh, &materials, &lights, &mut approximations),
         });
         let meshes: Vec<Mesh> = meshes.collect();
         let mut tessellations = Vec::new();
@@ -97,7 +98,7 @@ impl<'a> Export<'a> {
             meshes,
             panes,
             notes: Vec::new(),
-            mitsuba_approximations: [left_out, approximations].concat(),
+            mitsuba_approximations: approximations,
             ball: ball(scene, camera.position.into(), origin),
         };
         contents.notes = notes(source, &contents);
@@ -144,13 +145,14 @@ impl<'a> Export<'a> {
 /// The lights, and those that no model describes.
 fn lights(
     source: &Source<'_>,
+    bitmaps: &Bitmaps<'_>,
     origin: DVec3,
     pictures: &mut Pictures,
 ) -> Result<(Vec<Light>, Vec<Approximation>), ExportError> {
     let mut lights = Vec::new();
     let mut left_out = Vec::new();
     for light in source.parts.lights {
-        let Some(mut model) = light.model() else {
+        let Some(mut model) = light.model(bitmaps) else {
             let place = format!("lights[{}]", light.name());
             left_out.push(Approximation { place, by: "darkness", difference: "no model describes this kind of light" });
             continue;
@@ -161,9 +163,37 @@ fn lights(
             *file = pictures.radiance(&decoded)?;
             picture = Some(decoded);
         }
-        lights.push(Light { name: light.name().to_owned(), model: model.seen_from(origin), picture });
+        let model = model.seen_from(origin).try_map_textures(&mut |texture| pictures.texture(texture))?;
+        lights.push(Light { name: light.name().to_owned(), model, picture });
     }
     Ok((lights, left_out))
+}
+
+/// Which set of texture coordinates a mesh has in its file: that of its material, or else of the light that it is.
+fn coordinates(
+    mesh: &MeshDescription,
+    materials: &[Material],
+    lights: &[Light],
+    approximations: &mut Vec<Approximation>,
+) -> usize {
+    let material = materials.iter().find(|material| material.name == mesh.material);
+    let of_material = material.and_then(|material| material.coordinates);
+    let of_light = lights.iter().find_map(|light| match &light.model {
+        LightModel::Mesh { mesh: name, radiance: ColourModel::Texture(texture) } if *name == mesh.name => {
+            Some((&light.name, texture.coordinates))
+        }
+        _ => None,
+    });
+    if let (Some(set), Some((light, other))) = (of_material, of_light)
+        && set != other
+    {
+        approximations.push(Approximation {
+            place: format!("lights[{light}]"),
+            by: "one set of texture coordinates",
+            difference: "the material of its mesh uses the other, which is written",
+        });
+    }
+    of_material.or(of_light.map(|(_, set)| set)).unwrap_or_default()
 }
 
 /// The point that becomes the origin: that of the scene, or a round one in the middle of what lies far from it.

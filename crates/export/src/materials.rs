@@ -1,8 +1,7 @@
 //! The materials of a scene as others have them.
 
 use clerestory_render_core::exchange::{ColourModel, SurfaceModel, TextureModel, ValueModel};
-use clerestory_render_core::scene::decode_textures;
-use clerestory_render_core::texture::Filter;
+use clerestory_render_core::texture::{Bitmaps, Filter};
 
 use crate::approximation::Approximation;
 use crate::contents::Material;
@@ -14,9 +13,9 @@ use crate::texture::Pictures;
 /// Materials that meshes have, and what is not quite as in the scene.
 pub(crate) fn materials(
     source: &Source<'_>,
+    bitmaps: &Bitmaps<'_>,
     pictures: &mut Pictures,
 ) -> Result<(Vec<Material>, Vec<Approximation>), ExportError> {
-    let bitmaps = decode_textures(source.parts, source.assets)?;
     let mut approximations = Vec::new();
     let mut materials = Vec::new();
     for (index, (name, material)) in source.parts.materials.iter().enumerate() {
@@ -30,14 +29,14 @@ pub(crate) fn materials(
                 approximations.push(approximation);
             }
         };
-        let model = material.model(&bitmaps).unwrap_or_else(|| {
+        let model = material.model(bitmaps).unwrap_or_else(|| {
             approximate("`diffuse`", "no model describes this kind of material, so it is grey");
             SurfaceModel::Diffuse { reflectance: ColourModel::Colour([0.5; 3]) }
         });
         for what in material.beyond_model() {
             approximate("a simpler material", what);
         }
-        let cover = material.cover(&bitmaps);
+        let cover = material.cover(bitmaps);
         if let Some(ValueModel::Texture(texture)) = &cover.opacity
             && texture.file.threshold.is_some()
             && texture.filter == Filter::Linear
@@ -54,7 +53,6 @@ pub(crate) fn materials(
         };
         let model = model.try_map_textures(&mut write)?;
         let cover = cover.try_map_textures(&mut write)?;
-        let coordinates = coordinates.unwrap_or_default();
         materials.push(Material { name: name.clone(), id: file_name(index, name), coordinates, model, cover });
     }
     Ok((materials, approximations))

@@ -133,10 +133,10 @@ pub struct CoverModel<P = Texels> {
     pub normals: Option<TextureModel<P>>,
 }
 
-/// A light that is nothing but a light: it reflects nothing.
+/// A light. All but meshes reflect nothing.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum LightModel {
+pub enum LightModel<P = Texels> {
     /// A point that shines equally in all directions.
     Point {
         /// Where it is.
@@ -198,6 +198,13 @@ pub enum LightModel {
         /// Emitted radiance, W/(m2 sr).
         radiance: Triple,
     },
+    /// A mesh that shines to both of its sides, besides what its material does.
+    Mesh {
+        /// Name of the mesh.
+        mesh: String,
+        /// Emitted radiance, W/(m2 sr). That of a picture is in linear Rec. 709.
+        radiance: ColourModel<P>,
+    },
     /// Light from all directions.
     Environment {
         /// Emitted radiance, W/(m2 sr).
@@ -258,7 +265,7 @@ pub enum ProjectionModel {
 
 impl TextureModel {
     /// The model of a picture, of which one channel counts or all.
-    fn of(picture: &MappedPicture, channel: Option<Channel>) -> Self {
+    pub(crate) fn of(picture: &MappedPicture, channel: Option<Channel>) -> Self {
         let factor = picture.factor.to_array();
         let texels = Texels { bitmap: Arc::clone(&picture.bitmap), factor, channel, threshold: None };
         Self {
@@ -386,7 +393,31 @@ impl<P> SurfaceModel<P> {
     }
 }
 
-impl LightModel {
+impl<P> LightModel<P> {
+    /// The model with other textures.
+    ///
+    /// # Errors
+    ///
+    /// The first error of `other`.
+    pub fn try_map_textures<Q, E>(self, other: &mut MapTexture<'_, P, Q, E>) -> Result<LightModel<Q>, E> {
+        Ok(match self {
+            Self::Point { position, intensity } => LightModel::Point { position, intensity },
+            Self::Spot { position, direction, intensity, inner_angle, outer_angle } => {
+                LightModel::Spot { position, direction, intensity, inner_angle, outer_angle }
+            }
+            Self::Sphere { centre, radius, radiance } => LightModel::Sphere { centre, radius, radiance },
+            Self::Rectangle { centre, edge_u, edge_v, radiance } => {
+                LightModel::Rectangle { centre, edge_u, edge_v, radiance }
+            }
+            Self::Disk { centre, normal, radius, radiance } => LightModel::Disk { centre, normal, radius, radiance },
+            Self::Distant { direction, angular_radius, radiance } => {
+                LightModel::Distant { direction, angular_radius, radiance }
+            }
+            Self::Mesh { mesh, radiance } => LightModel::Mesh { mesh, radiance: radiance.try_map(other)? },
+            Self::Environment { radiance } => LightModel::Environment { radiance },
+        })
+    }
+
     /// The same light with its place seen from another origin.
     #[must_use]
     pub fn seen_from(mut self, origin: DVec3) -> Self {
@@ -396,7 +427,7 @@ impl LightModel {
             | Self::Sphere { centre: place, .. }
             | Self::Rectangle { centre: place, .. }
             | Self::Disk { centre: place, .. } => *place = (DVec3::from(*place) - origin).to_array(),
-            Self::Distant { .. } | Self::Environment { .. } => {}
+            Self::Distant { .. } | Self::Mesh { .. } | Self::Environment { .. } => {}
         }
         self
     }

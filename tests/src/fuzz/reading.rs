@@ -29,8 +29,8 @@ pub fn read(case: &Case, folder: &Path) -> Result<(), String> {
         for (name, bytes) in &case.files {
             fs::write(folder.join(name), bytes).expect("a folder that can be written");
         }
-        // Of every flat thing a pane, so that the rules of glazing see the corners.
-        let options = ModelOptions { glaze: vec![GlazeRule::flat("W*")], ..ModelOptions::default() };
+        // Panes of what looks like windows, so that the rules of glazing see the corners.
+        let options = ModelOptions { glaze: vec![GlazeRule::flat("Win*")], ..ModelOptions::default() };
         let model = scene_around(&path, &options);
         case.files.keys().for_each(|name| fs::remove_file(folder.join(name)).expect("a file of ours"));
         model.map_err(|error| error.to_string())?.bundle

@@ -8,6 +8,7 @@
 //!   little.
 //! - Facets that shade each other, and light that several of them reflect: rough surfaces are not very rough.
 //! - Spots dim in another way there: the one here is sharp.
+//! - Meshes shine to the side of their normals there: lanterns are closed.
 //! - Mitsuba has no coat that is like ours: surfaces are matt or metal.
 //! - Terminators of rounded meshes are soft here: meshes are flat.
 //! - Mitsuba counts surfaces that are not there as vertices: paths are long. Normals that lean away from the viewer are
@@ -161,10 +162,17 @@ fn lamps() -> ParityScene {
         {"spot": {"name": "sharp", "position": [-0.6, -0.7, 1.9], "direction": [0.5, 0.7, -1],
             "intensity": [1.2, 0.9, 1.5], "inner_angle": 25, "outer_angle": 25}},
         {"point": {"name": "bulb", "position": [0.6, -0.5, 1.4], "intensity": [0.5, 0.6, 0.4]}},
+        {"mesh": {"name": "lantern", "mesh": "lantern", "radiance": [6, 3, 5]}},
+        {"mesh": {"name": "screen", "mesh": "back", "radiance": [0.4, 0.8, 0.6], "texture": {"file": "screen.png"}}},
         ceiling_light(0.3)
     ]);
-    let things = json!({"materials": paints(), "meshes": box_meshes(), "lights": lights});
-    ParityScene { samples: 64, our_samples: 64, ..ParityScene::new("lamps", camera(), &things) }
+    let mut meshes = box_meshes();
+    meshes.push(block("lantern", "red", [-0.2, -0.3, 1.0], [0.06, 0.08, 0.2], 35.0));
+    meshes[4]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1.5, 0], [1.5, 1], [0, 1]]);
+    let texel = |x: u32, y: u32| Rgb([(200 * x) as u8, (230 - 60 * y) as u8, if (x, y) == (0, 0) { 250 } else { 20 }]);
+    let files = vec![("screen.png".to_owned(), png(2, 3, texel))];
+    let things = json!({"materials": paints(), "meshes": meshes, "lights": lights});
+    ParityScene { files, samples: 64, our_samples: 64, ..ParityScene::new("lamps", camera(), &things) }
 }
 
 /// Pictures that have no symmetry: 8-bit sRGB, repeated, on the floor, and linear on the walls.

@@ -11,6 +11,8 @@ mod light_frame;
 mod surface;
 mod xml;
 
+use std::collections::BTreeMap;
+
 use clerestory_render_core::exchange::{CameraModel, LightModel, ProjectionModel, RadianceModel};
 use glam::{DMat4, DVec3};
 
@@ -76,6 +78,18 @@ pub(crate) fn translate(contents: &Contents, pictures: &mut Pictures) -> Result<
             difference,
         }));
     }
+    let mut emitters: BTreeMap<&str, Element> = BTreeMap::new();
+    for light in &contents.lights {
+        let LightModel::Mesh { mesh, radiance } = &light.model else { continue };
+        let mut surfaces = Surfaces::new(&mut textures);
+        emitters.insert(mesh, Element::plugin("emitter", "area").containing(surfaces.colour("radiance", radiance)));
+        surfaces.differ("`area`", "it shines to the side of its normals alone");
+        approximations.extend(surfaces.differences.into_iter().map(|(by, difference)| Approximation {
+            place: format!("lights[{}]", light.name),
+            by,
+            difference,
+        }));
+    }
     let mut scene = Element::new("scene").with("version", "3.0.0");
     scene.add(Element::new("default").with("name", "spp").with("value", "64"));
     scene.add(integrator(contents));
@@ -85,7 +99,11 @@ pub(crate) fn translate(contents: &Contents, pictures: &mut Pictures) -> Result<
     for mesh in &contents.meshes {
         let material = contents.materials.iter().find(|material| material.name == mesh.material);
         let id = material.map_or_else(String::new, |material| material_id(&material.id));
-        scene.add(ply(&mesh.file, !mesh.normals).containing(Element::new("ref").with("id", &id)));
+        let mut shape = ply(&mesh.file, !mesh.normals).containing(Element::new("ref").with("id", &id));
+        if let Some(emitter) = emitters.remove(&*mesh.name) {
+            shape.add(emitter);
+        }
+        scene.add(shape);
     }
     for pane in &contents.panes {
         scene.add(glass(pane));
@@ -95,8 +113,9 @@ pub(crate) fn translate(contents: &Contents, pictures: &mut Pictures) -> Result<
         let mut differ = |by, difference| {
             approximations.push(Approximation { place: format!("lights[{}]", light.name), by, difference });
         };
-        let element = emitter(light, contents.ball, pictures, &mut differ)?;
-        scene.add(element.with("id", &format!("light-{}", file_name(index, &light.name))));
+        if let Some(element) = emitter(light, contents.ball, pictures, &mut differ)? {
+            scene.add(element.with("id", &format!("light-{}", file_name(index, &light.name))));
+        }
     }
     Ok(Translation { text: scene.text(), approximations })
 }
@@ -162,18 +181,19 @@ fn glass(pane: &Pane) -> Element {
     shape.containing(medium)
 }
 
-/// A light. `ball` is around everything but distant lights.
+/// A light that stands alone; `None` for one that belongs to a mesh. `ball` is around everything but distant lights.
 fn emitter(
     light: &Light,
     (middle, radius): (DVec3, f64),
     pictures: &mut Pictures,
     differ: &mut dyn FnMut(&'static str, &'static str),
-) -> Result<Element, ExportError> {
+) -> Result<Option<Element>, ExportError> {
     let area = |radiance| Element::plugin("emitter", "area").containing(rgb("radiance", radiance));
     let placed = |shape: &str, to_world: DMat4, radiance| {
         Element::plugin("shape", shape).containing(matrix(to_world)).containing(area(radiance))
     };
-    Ok(match light.model {
+    Ok(Some(match light.model {
+        LightModel::Mesh { .. } => return Ok(None),
         LightModel::Point { position, intensity } => Element::plugin("emitter", "point")
             .containing(point("position", position))
             .containing(rgb("intensity", intensity)),
@@ -213,7 +233,7 @@ fn emitter(
             let file = environment::file(file, light.picture.as_ref(), pictures, differ)?;
             environment(&file, scale, [middle, left, up])
         }
-    })
+    }))
 }
 
 /// A mesh in a file.

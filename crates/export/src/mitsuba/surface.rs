@@ -48,7 +48,7 @@ impl<'a> Surfaces<'a> {
         Self { textures, differences: Vec::new() }
     }
 
-    fn differ(&mut self, by: &'static str, difference: &'static str) {
+    pub(super) fn differ(&mut self, by: &'static str, difference: &'static str) {
         if !self.differences.contains(&(by, difference)) {
             self.differences.push((by, difference));
         }
@@ -159,7 +159,7 @@ impl<'a> Surfaces<'a> {
             .containing(second)
     }
 
-    fn colour(&mut self, name: &str, colour: &ColourModel<String>) -> Element {
+    pub(super) fn colour(&mut self, name: &str, colour: &ColourModel<String>) -> Element {
         match colour {
             ColourModel::Colour(colour) => rgb(name, *colour),
             ColourModel::Texture(texture) => self.texture(name, texture, false),

@@ -8,18 +8,22 @@
 //! - boxes are padded by 1/8 unit. This is five times the rounding of the box test (a few units in the last place of
 //!   2^15). It is a thousand times the 1e-4 units below which obvhs does not see the exit of a box;
 //! - a hit at distance t cuts the search only behind t plus the padding.
+//!
+//! Each box is padded by a little more than the next: among boxes that are alike obvhs would find no pairs, and each
+//! would become a level of its own.
 
 use std::time::Duration;
 
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray as HierarchyRay, RayHit};
 
 use super::Ray;
 use crate::math::Interval;
+use crate::math::hash::mix;
 
 /// Binary logarithm of the largest extent of the scene in units of the hierarchy.
 const EXTENT_LOG2: i32 = 15;
@@ -59,9 +63,12 @@ impl Hierarchy {
         let scale = if extent > 0.0 { libm::scalbn(1.0, EXTENT_LOG2 - 1 - libm::ilogb(extent)) } else { 1.0 };
         let centre = 0.5 * (bounds[0] + bounds[1]);
         let unit = |p: DVec3| (p - centre) * scale;
-        let padded: Vec<_> = boxes
-            .iter()
-            .map(|[min, max]| Aabb::new(single(unit(*min) - PADDING), single(unit(*max) + PADDING)))
+        let padded: Vec<_> = (0..)
+            .zip(boxes)
+            .map(|(index, [min, max])| {
+                let (below, above) = (padding(2 * index), padding(2 * index + 1));
+                Aabb::new(single(unit(*min) - below), single(unit(*max) + above))
+            })
             .collect();
         let tree = build_cwbvh(&padded, BvhBuildParams::medium_build(), &mut Duration::default());
         Some(Self { tree, bounds, centre, scale })
@@ -79,7 +86,15 @@ impl Hierarchy {
 
     /// Number of levels; must not exceed [`MOST_LEVELS`].
     pub(crate) fn levels(&self) -> usize {
-        levels_below(&self.tree, 0)
+        let mut most = 0;
+        let mut nodes = vec![(0, 1)];
+        while let Some((node, level)) = nodes.pop() {
+            most = most.max(level);
+            let node = &self.tree.nodes[node as usize];
+            let first = node.child_base_idx;
+            nodes.extend((first..first + node.imask.count_ones()).map(|child| (child, level + 1)));
+        }
+        most
     }
 
     /// Hands to `test` the places, in the order of the leaves, of all boxes that may hold something within
@@ -133,12 +148,13 @@ impl Walk<'_> {
     }
 }
 
-fn single(v: DVec3) -> Vec3A {
-    Vec3A::new(v.x as f32, v.y as f32, v.z as f32)
+/// One to two times the padding along each axis, by chance.
+fn padding(number: u64) -> DVec3 {
+    let bits = mix(number);
+    let part = |shift: u32| (bits >> shift & 0xffff) as f64 / 65536.0;
+    DVec3::new(part(0), part(16), part(32)) * PADDING + PADDING
 }
 
-fn levels_below(tree: &CwBvh, node: usize) -> usize {
-    let children = tree.nodes[node].imask.count_ones() as usize;
-    let first = tree.nodes[node].child_base_idx as usize;
-    1 + (first..first + children).map(|child| levels_below(tree, child)).max().unwrap_or(0)
+fn single(v: DVec3) -> Vec3A {
+    Vec3A::new(v.x as f32, v.y as f32, v.z as f32)
 }

@@ -14,6 +14,7 @@ use crate::geometry::Frame;
 use crate::settings::check::{check_above, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
 use crate::settings::{Check, JsonPath, Triple};
+use crate::texture::Bitmaps;
 
 /// Corners of the polygon that stands for a disk: it lies in it, and lacks 0.04 percent of its radius.
 const CORNERS: u32 = 128;
@@ -54,7 +55,7 @@ impl LightSettings for DiskLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<LightModel> {
         Some(LightModel::Disk {
             centre: self.centre,
             normal: DVec3::from(self.normal).normalize().to_array(),

@@ -17,6 +17,7 @@ use crate::geometry::{Frame, Ray};
 use crate::settings::check::{check_asset_name, check_range, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_PICTURE_RADIANCE};
 use crate::settings::{Check, JsonPath, Triple};
+use crate::texture::Bitmaps;
 
 /// What is around the scene, infinitely far away: a sky, or a picture of a whole surrounding. It is behind everything,
 /// suns included, whose light is added to its own. A scene has one at the most.
@@ -94,7 +95,7 @@ impl LightSettings for EnvironmentLight {
         check_triple(self.rotate, -36_000.0, 36_000.0, &path.member("rotate"))
     }
 
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<LightModel> {
         let radiance = match &self.radiance {
             EnvironmentRadiance::Colour(colour) => RadianceModel::Colour(colour.map(|channel| channel * self.scale)),
             EnvironmentRadiance::Picture { file } => {

@@ -16,11 +16,12 @@ use super::{
     Body, Chosen, Cluster, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, LightTree, Receiver,
     Source, SourceSample,
 };
+use crate::exchange::{ColourModel, LightModel, TextureModel};
 use crate::geometry::{Ray, ShearedRay};
 use crate::settings::check::{check_name, check_triple};
 use crate::settings::limits::MAX_EMISSION;
 use crate::settings::{Check, JsonPath, Triple};
-use crate::texture::{Encoding, TextureDescription, TextureUse};
+use crate::texture::{Bitmaps, Encoding, MappedPicture, TextureDescription, TextureUse};
 
 /// A mesh of the scene that shines to both of its sides. It scatters light as its material says, besides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -62,6 +63,18 @@ impl LightSettings for MeshLight {
         check_name(&self.mesh, &path.member("mesh"))?;
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))?;
         self.texture.as_ref().map_or(Ok(()), |texture| texture.check(&path.member("texture")))
+    }
+
+    fn model(&self, bitmaps: &Bitmaps<'_>) -> Option<LightModel> {
+        let radiance = match &self.texture {
+            Some(texture) => {
+                let picture = texture.build(Encoding::Colour, bitmaps);
+                let radiance = DVec3::from(self.radiance) * picture.factor;
+                ColourModel::Texture(TextureModel::of(&MappedPicture { factor: radiance, ..picture }, None))
+            }
+            None => ColourModel::Colour(self.radiance),
+        };
+        Some(LightModel::Mesh { mesh: self.mesh.clone(), radiance })
     }
 
     fn build(&self, assets: &LightAssets) -> Arc<dyn Emitter> {

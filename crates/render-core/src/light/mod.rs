@@ -55,7 +55,7 @@ use glam::DVec2;
 
 use crate::exchange::LightModel;
 use crate::settings::{Check, JsonPath, Triple};
-use crate::texture::TextureUse;
+use crate::texture::{Bitmaps, TextureUse};
 
 /// A light is seldom met where its solid angle is below this, steradians. An image of some thousand samples then shows
 /// it as single bright pixels.
@@ -112,7 +112,7 @@ pub trait LightSettings {
     fn check(&self, path: &JsonPath<'_>) -> Check;
 
     /// What it is for other programs; `None` if no model describes it.
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _bitmaps: &Bitmaps<'_>) -> Option<LightModel> {
         None
     }
 

@@ -15,6 +15,7 @@ use crate::geometry::Ray;
 use crate::settings::check::check_triple;
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
 use crate::settings::{Check, JsonPath, Triple};
+use crate::texture::Bitmaps;
 
 /// A point that shines equally in all directions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -49,7 +50,7 @@ impl LightSettings for PointLight {
         check_triple(self.intensity, 0.0, MAX_EMISSION, &path.member("intensity"))
     }
 
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<LightModel> {
         Some(LightModel::Point { position: self.position, intensity: self.intensity })
     }
 

@@ -13,6 +13,7 @@ use crate::geometry::Frame;
 use crate::settings::check::{MIN_SINE, Numbers, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
 use crate::settings::{Check, JsonPath, SceneError, Triple};
+use crate::texture::Bitmaps;
 
 /// A rectangle that shines to the side to which `edge_u` cross `edge_v` points; its other side is black.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -53,7 +54,7 @@ impl LightSettings for RectangleLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<LightModel> {
         let Self { centre, edge_u, edge_v, radiance, .. } = *self;
         Some(LightModel::Rectangle { centre, edge_u, edge_v, radiance })
     }

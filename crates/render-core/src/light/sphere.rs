@@ -16,6 +16,7 @@ use crate::geometry::{Frame, Ray};
 use crate::settings::check::{check_above, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
 use crate::settings::{Check, JsonPath, Triple};
+use crate::texture::Bitmaps;
 
 /// A sphere of uniform radiance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -50,7 +51,7 @@ impl LightSettings for SphereLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<LightModel> {
         Some(LightModel::Sphere { centre: self.centre, radius: self.radius, radiance: self.radiance })
     }
 

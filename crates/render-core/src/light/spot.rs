@@ -23,6 +23,7 @@ use crate::geometry::Ray;
 use crate::settings::check::{check_above, check_direction, check_range, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
 use crate::settings::{Check, JsonPath, Triple};
+use crate::texture::Bitmaps;
 
 /// The cone that bounds the light is wider by this angle, radians: rounding must not cut light off.
 const SLACK: f64 = 1e-4;
@@ -72,7 +73,7 @@ impl LightSettings for SpotLight {
         check_range(self.inner_angle, 0.0, self.outer_angle, &path.member("inner_angle"))
     }
 
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<LightModel> {
         Some(LightModel::Spot {
             position: self.position,
             direction: DVec3::from(self.direction).normalize().to_array(),

@@ -15,6 +15,7 @@ use crate::geometry::Ray;
 use crate::settings::check::{check_direction, check_range, check_triple};
 use crate::settings::limits::MAX_EMISSION;
 use crate::settings::{Check, JsonPath, Triple};
+use crate::texture::Bitmaps;
 
 /// A distant disc: a direction with an angular radius.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,7 +58,7 @@ impl LightSettings for SunLight {
         check_triple(self.radiance, 0.0, MAX_EMISSION, &path.member("radiance"))
     }
 
-    fn model(&self) -> Option<LightModel> {
+    fn model(&self, _: &Bitmaps<'_>) -> Option<LightModel> {
         Some(LightModel::Distant {
             direction: DVec3::from(self.direction).normalize().to_array(),
             angular_radius: self.angular_radius,

@@ -301,3 +301,14 @@ fn bad_meshes_are_refused() {
     let error = Accelerator::build(&[], &[], &[], vec![glass]).unwrap_err();
     assert_eq!(error, AcceleratorError::PanePlace("pane".into()));
 }
+
+#[test]
+fn a_thousand_times_the_same_triangle_is_no_thousand_levels() {
+    let positions = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(0.0, 0.0, 3.0)];
+    let mut triangles = vec![[0, 1, 2]; 50_000];
+    triangles.push([0, 1, 3]);
+    let accelerator = Accelerator::build(&positions, &triangles, &[], vec![]).unwrap();
+    let ray = Ray::new(DVec3::new(0.2, 0.3, 1.0), DVec3::NEG_Z);
+    let hit = accelerator.closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default()).unwrap();
+    assert!(matches!(hit.surface, Surface::Triangle { index: 0, .. }), "{hit:?}");
+}
