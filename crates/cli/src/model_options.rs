@@ -5,9 +5,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use clerestory_render_core::bsdf::MaterialDescription;
 use clerestory_render_core::document::ModelOptions;
-use clerestory_render_core::scene::import::{FLAT_THICKNESS, GlazeRule, MaterialRule, OLD_GLASS, UpAxis, profile};
-use clerestory_render_core::settings::Triple;
-use clerestory_render_core::texture::srgb_to_linear;
+use clerestory_render_core::scene::import::{GlazeRule, MaterialRule, OLD_GLASS, UpAxis, hex_colour, profile};
 use serde_json::json;
 
 /// Options for glTF and OBJ files.
@@ -98,18 +96,13 @@ impl FromStr for Glaze {
         let [Some(front), Some(back)] = [seed, seed + 1].map(|seed| profile(name, seed)) else {
             return Err(format!("found the profile {name:?}, expected one of {}", OLD_GLASS.join(", ")));
         };
-        let travelled = thickness.unwrap_or(FLAT_THICKNESS);
-        // What glass of this thickness lets through between its faces.
-        let absorption = transmitted.map(|share: f64| -share.max(1e-4).ln() / travelled);
-        Ok(Self(GlazeRule {
-            thickness,
-            absorption: absorption.map(|coefficient| coefficient.max(0.0)),
-            front,
-            back,
-            ..GlazeRule::flat(pattern)
-        }))
+        let rule = GlazeRule { thickness, front, back, ..GlazeRule::flat(pattern) };
+        Ok(Self(rule.coloured(transmitted)))
     }
 }
+
+/// Longest name of a material that is named by its settings, bytes.
+const LONGEST_NAME: usize = 200;
 
 /// `PATTERN=MATERIAL`.
 #[derive(Clone, Debug)]
@@ -133,19 +126,11 @@ impl FromStr for MaterialChoice {
             json => serde_json::from_str(json).map_err(|_| expected)?,
         };
         let description = serde_json::from_value(settings).map_err(|error| error.to_string())?;
-        let rule = MaterialRule { pattern: pattern.to_owned(), material: format!("{pattern} {material}") };
+        let mut name = format!("{pattern} {material}");
+        name.truncate(name.floor_char_boundary(LONGEST_NAME));
+        let rule = MaterialRule { pattern: pattern.to_owned(), material: name };
         Ok(Self(rule, description))
     }
-}
-
-/// A colour `#RRGGBB` of the sRGB space, linear.
-fn hex_colour(text: &str) -> Option<Triple> {
-    let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
-    let channel = |place: usize| {
-        let value = u8::from_str_radix(digits.get(place..place + 2)?, 16).ok()?;
-        Some(f64::from(srgb_to_linear(f64::from(value) / 255.0)))
-    };
-    Some([channel(0)?, channel(2)?, channel(4)?])
 }
 
 #[cfg(test)]

@@ -72,6 +72,12 @@ impl<'a> Export<'a> {
             coordinates: coordinates(mesh, &materials, &lights, &mut approximations),
         });
         let meshes: Vec<Mesh> = meshes.collect();
+        let coloured = meshes.iter().zip(scene.meshes()).filter(|(_, surface)| surface.has_colours());
+        approximations.extend(coloured.map(|(mesh, _)| Approximation {
+            place: format!("meshes[{}]", mesh.name),
+            by: "one colour",
+            difference: "the colours of its vertices are left out",
+        }));
         let mut tessellations = Vec::new();
         let mut panes = Vec::new();
         for (index, pane) in scene.panes().iter().enumerate() {

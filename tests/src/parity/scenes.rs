@@ -8,7 +8,8 @@
 //!   little.
 //! - Facets that shade each other, and light that several of them reflect: rough surfaces are not very rough.
 //! - Spots dim in another way there: the one here is sharp.
-//! - Meshes shine to the side of their normals there: lanterns are closed.
+//! - Meshes shine to the side of their normals there, and with one period of a picture: lanterns are closed, and screens
+//!   have one.
 //! - Mitsuba has no coat that is like ours: surfaces are matt or metal.
 //! - Terminators of rounded meshes are soft here: meshes are flat.
 //! - Mitsuba counts surfaces that are not there as vertices: paths are long. Normals that lean away from the viewer are
@@ -168,7 +169,7 @@ fn lamps() -> ParityScene {
     ]);
     let mut meshes = box_meshes();
     meshes.push(block("lantern", "red", [-0.2, -0.3, 1.0], [0.06, 0.08, 0.2], 35.0));
-    meshes[4]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1.5, 0], [1.5, 1], [0, 1]]);
+    meshes[4]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1, 0], [1, 1], [0, 1]]);
     let texel = |x: u32, y: u32| Rgb([(200 * x) as u8, (230 - 60 * y) as u8, if (x, y) == (0, 0) { 250 } else { 20 }]);
     let files = vec![("screen.png".to_owned(), png(2, 3, texel))];
     let things = json!({"materials": paints(), "meshes": meshes, "lights": lights});

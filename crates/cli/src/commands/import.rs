@@ -80,7 +80,7 @@ fn check_folder(file: &Path, output: &Path) -> Result<(), Failure> {
 }
 
 fn report(model: &ModelScene, triangles: u64, output: &Path) -> Result<(), Failure> {
-    let Expansion { meshes, materials, panes, lights, cameras, glazable, .. } = &model.expansion;
+    let Expansion { meshes, materials, panes, lights, cameras, windows, .. } = &model.expansion;
     print_line(&format!(
         "{}: {} meshes of {triangles} triangles, {} materials, {} panes, {} lights and {} cameras of the file",
         output.display(),
@@ -93,13 +93,13 @@ fn report(model: &ModelScene, triangles: u64, output: &Path) -> Result<(), Failu
     for line in model.expansion.remarks().chain(model.assumptions.iter().cloned()) {
         print_line(&format!("- {line}"))?;
     }
-    if !glazable.is_empty() {
+    if !windows.is_empty() {
         print_line("Names worth glazing, with --glaze 'NAME=crown':")?;
-        for (name, count) in glazable.iter().take(MOST_NAMES) {
-            print_line(&format!("- {name}: {count} that can become panes"))?;
+        for window in windows.iter().take(MOST_NAMES) {
+            print_line(&format!("- {}: {} that can become panes", window.name, window.panes))?;
         }
-        if glazable.len() > MOST_NAMES {
-            print_line(&format!("- and {} more", glazable.len() - MOST_NAMES))?;
+        if windows.len() > MOST_NAMES {
+            print_line(&format!("- and {} more", windows.len() - MOST_NAMES))?;
         }
     }
     Ok(())

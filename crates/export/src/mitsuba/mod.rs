@@ -13,7 +13,7 @@ mod xml;
 
 use std::collections::BTreeMap;
 
-use clerestory_render_core::exchange::{CameraModel, LightModel, ProjectionModel, RadianceModel};
+use clerestory_render_core::exchange::{CameraModel, ColourModel, LightModel, ProjectionModel, RadianceModel};
 use glam::{DMat4, DVec3};
 
 use crate::approximation::Approximation;
@@ -84,6 +84,9 @@ pub(crate) fn translate(contents: &Contents, pictures: &mut Pictures) -> Result<
         let mut surfaces = Surfaces::new(&mut textures);
         emitters.insert(mesh, Element::plugin("emitter", "area").containing(surfaces.colour("radiance", radiance)));
         surfaces.differ("`area`", "it shines to the side of its normals alone");
+        if matches!(radiance, ColourModel::Texture(_)) {
+            surfaces.differ("`area`", "where texture coordinates are beyond 0 to 1, less of its light is found");
+        }
         approximations.extend(surfaces.differences.into_iter().map(|(by, difference)| Approximation {
             place: format!("lights[{}]", light.name),
             by,

@@ -11,7 +11,7 @@ use crate::bsdf::{MaterialDescription, ThinWallMaterial};
 use crate::light::{EnvironmentLight, EnvironmentRadiance, LightDescription, SunLight};
 use crate::scene::description::{CameraDescription, FilmDescription};
 use crate::scene::import::{
-    Expansion, GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis, expand, files_of,
+    Expansion, GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis, Window, expand, files_of,
 };
 use crate::scene::{Assets, Scene, SceneError, view_of};
 use crate::settings::{AssetProblem, JsonPath, SCENE_FORMAT_VERSION, Triple};
@@ -104,9 +104,7 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
     let imports = root.member("imports");
     let expansion = expand(&description.imports[0], &assets, &imports.element(0))?;
     let mut assumptions = Vec::new();
-    if options.glaze.is_empty() && !expansion.glazable.is_empty() {
-        assumptions.push(see_through(&mut description, &expansion.glazable));
-    }
+    assumptions.extend(see_through(&mut description, &expansion.windows));
     // Surfaces that shine are seldom meant to light a building.
     if expansion.lights.iter().all(|light| light.mesh().is_some()) {
         description.lights = daylight();
@@ -140,11 +138,16 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
             let mut walls = expanded.clone().into_owned();
             walls.panes.clear();
             walls.meshes.retain(|mesh| !expanded.parts().is_left_to_chance(mesh));
-            if !walls.meshes.is_empty() {
+            if walls.meshes.is_empty() {
+                walls.meshes.clone_from(&expanded.meshes);
+            }
+            if walls.meshes.is_empty() {
+                assumptions.push("The file has no camera, and no surface that one could look at".to_owned());
+            } else {
                 let scene = Scene::build(walls.parts(), &assets, &mut |_| ());
                 description.camera = view_of(&scene.map_err(|error| walls.named(error))?);
+                assumptions.push("The file has no camera: one was placed where most of the space is seen".to_owned());
             }
-            assumptions.push("The file has no camera: one was placed where most of the space is seen".to_owned());
         }
     }
     let bundle = SceneBundle::from_parts(description, assets)?;
@@ -183,20 +186,35 @@ fn read_files(folder: &Path, source: &mut ImportSource) -> Result<Assets, SceneE
     Ok(assets)
 }
 
-/// Makes clear sheets of what is called a window, so that daylight comes in. Answers what that is.
-fn see_through(description: &mut SceneDescription, windows: &[(String, usize)]) -> String {
-    let glass = "window glass";
-    let material = MaterialDescription::ThinWall(ThinWallMaterial::default());
-    description.materials.insert(glass.to_owned(), material);
-    let mut names: Vec<&str> = windows.iter().map(|(name, _)| name.as_str()).collect();
-    names.dedup();
-    let rule = |name: &&str| MaterialRule { pattern: (*name).to_owned(), material: glass.to_owned() };
-    description.imports[0].materials.extend(names.iter().map(rule));
+/// Makes sheets of windows that let no light through, so that daylight comes in. Answers which, if there are any.
+fn see_through(description: &mut SceneDescription, windows: &[Window]) -> Option<String> {
+    let mut sheets: Vec<(&ThinWallMaterial, String)> = Vec::new();
+    let mut names = Vec::new();
+    for Window { name, sheet, .. } in windows {
+        let Some(sheet) = sheet else { continue };
+        let known = sheets.iter().find(|(other, _)| *other == sheet).map(|(_, glass)| glass.clone());
+        let glass = known.unwrap_or_else(|| {
+            let names = (1..).map(|number: usize| match number {
+                1 => "window glass".to_owned(),
+                number => format!("window glass {number}"),
+            });
+            let mut free = names.filter(|name| !description.materials.contains_key(name));
+            let glass = free.next().unwrap_or_default();
+            description.materials.insert(glass.clone(), MaterialDescription::ThinWall(sheet.clone()));
+            sheets.push((sheet, glass.clone()));
+            glass
+        });
+        description.imports[0].materials.push(MaterialRule { pattern: name.clone(), material: glass });
+        names.push(name);
+    }
     let more = if names.len() > 3 { " and others" } else { "" };
-    format!(
-        "{}{more} look like windows: they are clear sheets, and --glaze of the command import makes old panes of them",
-        names.iter().take(3).map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
-    )
+    let first = names.iter().take(3).map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+    (!names.is_empty()).then(|| {
+        format!(
+            "{first}{more} look like windows: they are sheets of glass, and --glaze of the command import makes old \
+             panes of them"
+        )
+    })
 }
 
 /// A name of a scene and an import.

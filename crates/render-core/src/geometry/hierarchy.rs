@@ -17,8 +17,8 @@ use std::time::Duration;
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray as HierarchyRay, RayHit};
 
 use super::Ray;

@@ -134,6 +134,8 @@ struct Lobe<'a> {
     incident: DVec3,
     /// How it asks for light.
     receiver: Receiver,
+    /// What absorbs light on the side from which the path has come, and on the other side, per metre.
+    bodies: [DVec3; 2],
 }
 
 impl Lobe<'_> {
@@ -143,6 +145,12 @@ impl Lobe<'_> {
 
     fn pdf(&self, outgoing: DVec3) -> f64 {
         self.bsdf.pdf(self.at, self.incident, outgoing)
+    }
+
+    /// What remains of light that comes from this far in a direction.
+    fn kept(&self, outgoing: DVec3, distance: f64) -> DVec3 {
+        let goes_through = outgoing.dot(self.at.normals.geometric) * self.incident.dot(self.at.normals.geometric) > 0.0;
+        through_body(self.bodies[usize::from(goes_through)], distance)
     }
 }
 
@@ -271,7 +279,7 @@ impl<'a> PathTracer<'a> {
         if !self.accepts(walk.filter, &[PathEvent::Light]) {
             return DVec3::ZERO;
         }
-        let carried = walk.throughput * hit.radiance;
+        let carried = walk.throughput * hit.radiance * through_body(walk.body, hit.distance);
         let Some(Origin { point, receiver, pdf: density }) = walk.stretch.from else { return carried };
         if walk.stretch.links.is_empty() {
             let asked = self.scene.light_sampler().probability(light, &receiver);
@@ -327,6 +335,12 @@ impl<'a> PathTracer<'a> {
         if absorbs != DVec3::ZERO {
             walk.throughput *= absorption(absorbs, distance);
         }
+        // A thin wall bounds no body: behind it is what was before it.
+        let behind = match (bsdf.absorption(), leaves) {
+            (coefficient, _) if coefficient == DVec3::ZERO => absorbs,
+            (_, true) => DVec3::ZERO,
+            (coefficient, false) => coefficient,
+        };
         let ray_origin = SurfaceId::Triangle(triangle);
         let position = walk.ray.at(distance);
         let mut point = None;
@@ -343,17 +357,14 @@ impl<'a> PathTracer<'a> {
             let here = ShadingPoint { position, normal: at.normals.facing(incident), surface: ray_origin, bounces };
             let side = if bsdf.transmits() { Side::Both(here.normal) } else { Side::Front(here.normal) };
             let receiver = Receiver { position, side };
-            let lobe = Lobe { bsdf, at: &at, incident, receiver };
+            let lobe = Lobe { bsdf, at: &at, incident, receiver, bodies: [absorbs, behind] };
             self.add_scattered(walk, &here, &lobe, carried, &mut sample.radiance, stream, counters);
             point = Some((here, receiver));
         }
         let Some(next) = bsdf.sample(&at, incident, stream) else { return false };
         walk.throughput *= next.weight;
         let goes_through = next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0;
-        // A thin wall bounds no body: behind it is what was before it.
-        if goes_through && bsdf.absorption() != DVec3::ZERO {
-            walk.body = if leaves { DVec3::ZERO } else { bsdf.absorption() };
-        }
+        walk.body = if goes_through { behind } else { absorbs };
         walk.ray_origin = ray_origin;
         walk.ray = Ray::new(position, next.direction);
         match next.kind {
@@ -422,7 +433,8 @@ impl<'a> PathTracer<'a> {
                 let pdf = pdf * probability;
                 pdf / (pdf + lobe.pdf(sample.direction))
             });
-            sum += way.transmittance * sample.weight * (value * balance) / probability;
+            let kept = lobe.kept(sample.direction, sample.distance);
+            sum += way.transmittance * kept * sample.weight * (value * balance) / probability;
         }
         sum
     }
@@ -514,6 +526,11 @@ impl<'a> PathTracer<'a> {
         walk.throughput /= survival;
         true
     }
+}
+
+/// What a body lets through over a distance. Where nothing ends it, it has no end and takes no light.
+fn through_body(coefficient: DVec3, distance: f64) -> DVec3 {
+    if coefficient == DVec3::ZERO || !distance.is_finite() { DVec3::ONE } else { absorption(coefficient, distance) }
 }
 
 #[cfg(test)]

@@ -99,6 +99,11 @@ impl MeshSurface {
         Some(&self.surface.tangents.as_ref()?[(triangle - self.first_triangle) as usize])
     }
 
+    /// Whether its vertices have colours, by which its material is multiplied.
+    pub fn has_colours(&self) -> bool {
+        self.surface.colours.is_some()
+    }
+
     /// Linear red, green, blue and opacity that are interpolated at a point of a triangle of the scene; ones where the
     /// mesh has no colours.
     pub(super) fn colour(&self, triangle: u32, [v, w]: [f64; 2]) -> DVec4 {

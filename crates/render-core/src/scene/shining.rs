@@ -34,6 +34,14 @@ pub(super) fn shining_surfaces(
     for (index, light) in parts.lights.iter().enumerate() {
         let Some(name) = light.mesh() else { continue };
         let mesh = named.get(name).expect("validation knows every mesh that is a light");
+        if mesh.triangles == 0 {
+            let root = JsonPath::Root;
+            let lights = root.member("lights");
+            let found = format!("mesh {}, none of whose triangles has an area", Quoted(name));
+            let place = lights.element(index);
+            let place = place.member(light.kind());
+            return Err(SceneError::value(&place.member("mesh"), found, "a mesh with an area"));
+        }
         triangles += mesh.triangles as usize;
         if triangles > MAX_SHINING_TRIANGLES {
             let root = JsonPath::Root;
@@ -67,7 +75,8 @@ pub(super) fn lights_of_meshes(lights: &[Light], meshes: &[MeshSurface]) -> Vec<
     for (index, light) in (0..).zip(lights) {
         let Some(triangles) = light.triangles() else { continue };
         of_meshes.resize(meshes.len(), None);
-        let mesh = meshes.partition_point(|mesh| mesh.first_triangle < triangles.start);
+        // Of meshes that begin there the last: those before it have no triangles.
+        let mesh = meshes.partition_point(|mesh| mesh.first_triangle <= triangles.start) - 1;
         of_meshes[mesh] = Some(index);
     }
     of_meshes

@@ -23,7 +23,7 @@ use crate::settings::check::{
     MIN_SINE, Names, Number, Numbers, Quoted, check_above, check_asset_name, check_count, check_direction, check_name,
     check_pair, check_range, check_triple,
 };
-use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES};
+use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES, PANE_EDGES};
 
 impl SceneParts<'_> {
     /// Checks film and camera.
@@ -270,8 +270,9 @@ fn check_pane(pane: &PaneDescription, path: &JsonPath<'_>) -> Check {
         let expected = format!("a direction that is not parallel to x_axis ({})", Numbers(&pane.x_axis));
         return Err(SceneError::value(&path.member("y_axis"), Numbers(&pane.y_axis), expected));
     }
-    check_range(pane.width, 1e-3, 100.0, &path.member("width"))?;
-    check_range(pane.height, 1e-3, 100.0, &path.member("height"))?;
+    let [least, most] = PANE_EDGES;
+    check_range(pane.width, least, most, &path.member("width"))?;
+    check_range(pane.height, least, most, &path.member("height"))?;
     check_above(pane.thickness, 0.0, 1.0, &path.member("thickness"))?;
     check_range(pane.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
     check_triple(pane.absorption, 0.0, 1e9, &path.member("absorption"))?;

@@ -30,6 +30,12 @@ pub const MAX_PANES: usize = 4096;
 /// Lights of a scene.
 pub const MAX_LIGHTS: usize = 4096;
 
+/// Meshes and panes of an imported file.
+pub const MAX_IMPORTED_THINGS: usize = 1 << 17;
+
+/// Shortest and longest edge of a pane, metres.
+pub const PANE_EDGES: [f64; 2] = [1e-3, 100.0];
+
 /// Triangles of all meshes that are lights.
 pub const MAX_SHINING_TRIANGLES: usize = 1 << 20;
 

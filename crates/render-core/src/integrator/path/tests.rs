@@ -93,6 +93,42 @@ fn a_body_absorbs_over_the_way_through_it() {
 }
 
 #[test]
+fn light_within_a_body_is_absorbed_on_its_way() {
+    const COEFFICIENT: f64 = 7.0;
+    let mut scene = body(1.0, COEFFICIENT, 0.0);
+    scene["lights"] = json!([{"rectangle": {
+        "name": "panel", "centre": [0, 0, 0], "edge_u": [0, 0.9, 0], "edge_v": [0.9, 0, 0], "radiance": [1, 1, 1]
+    }}]);
+    let (met, error) = mean(&scene);
+    let expected = libm::exp(-0.05 * COEFFICIENT);
+    assert!((met - expected).abs() < 4.0 * error + 1e-4, "{met} +- {error}, {expected}");
+
+    // A wall in the body, lit by a point in it.
+    let (height, aside, intensity) = (0.04, 0.2, 3.0);
+    scene["materials"]["plaster"] = json!({"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}});
+    let corners = [[-0.4, -0.4, height], [-0.4, 0.4, height], [0.4, 0.4, height], [0.4, -0.4, height]];
+    let wall = json!({"inline": {"positions": corners, "triangles": [[0, 1, 2], [0, 2, 3]]}});
+    let wall = json!({"name": "wall", "material": "plaster", "source": wall});
+    scene["meshes"].as_array_mut().unwrap().push(wall);
+    scene["lights"] = json!([{"point": {
+        "name": "lamp", "position": [aside, 0, 0], "intensity": [intensity, intensity, intensity]
+    }}]);
+    scene["integrator"] = json!({"path": {"max_depth": 2}});
+    // The picture is a square of 0.1 m around the axis.
+    let cells = 50;
+    let middle = |cell: i32| (f64::from(cell) + 0.5) * 0.1 / f64::from(cells) - 0.05;
+    let at = |x: f64, y: f64| {
+        let distance = ((x - aside) * (x - aside) + y * y + height * height).sqrt();
+        let irradiance = intensity * height / (distance * distance * distance);
+        0.5 / std::f64::consts::PI * irradiance * libm::exp(-COEFFICIENT * (distance + 0.05 + height))
+    };
+    let sum: f64 = (0..cells).flat_map(|x| (0..cells).map(move |y| at(middle(x), middle(y)))).sum();
+    let expected = sum / f64::from(cells * cells);
+    let (seen, error) = mean(&scene);
+    assert!((seen / expected - 1.0).abs() < 4.0 * error / expected + 2e-3, "{seen} +- {error}, {expected}");
+}
+
+#[test]
 fn two_panes_let_through_what_fresnel_says_however_near_they_are() {
     let reflected = ((1.52 - 1.0) / (1.52 + 1.0_f64)).powi(2);
     // Over all reflections between the four faces.

@@ -6,7 +6,8 @@ use glam::DAffine2;
 
 use super::description::ImportDescription;
 use super::gltf::{AlphaMode, GltfFile, Material, Texture, Volume};
-use super::things::{Emission, Expansion, is_called_window};
+use super::things::{Emission, Expansion, Names};
+use super::windows::is_called_window;
 use crate::bsdf::{
     DielectricMaterial, MaterialDescription, MetallicRoughnessMaterial, RoughDielectricMaterial, ThinWallMaterial,
 };
@@ -52,6 +53,14 @@ fn is_blended_glass(material: &Material) -> bool {
         && (is_smooth || is_called_so)
 }
 
+/// Said of glass whose surface is drawn into a picture.
+const RELIEF_LEFT_OUT: &str = "its normal map is left out, since its glass is smooth; --glaze makes old panes of it";
+
+/// Whether a material is that of a body that light goes through.
+pub(super) fn is_body(material: &Material) -> bool {
+    material.transmission > 0.5 && material.volume.as_ref().is_some_and(|volume| volume.thickness > 0.0)
+}
+
 /// Whether light goes through a material.
 pub(super) fn is_transparent(material: &Material) -> bool {
     material.transmission > 0.0 || material.alpha == AlphaMode::Blend && material.base_colour[3] < 1.0
@@ -61,28 +70,29 @@ pub(super) fn is_transparent(material: &Material) -> bool {
 pub(super) struct GltfMaterials<'f, 'a> {
     import: &'f ImportDescription,
     file: &'f GltfFile<'a>,
-    /// Their names in the scene, by their numbers in the file.
-    names: BTreeMap<Option<usize>, String>,
+    /// Their names in the scene, by their numbers in the file, and whether their surfaces are closed.
+    names: BTreeMap<(Option<usize>, bool), String>,
+    taken: Names,
 }
 
 impl<'f, 'a> GltfMaterials<'f, 'a> {
     /// None yet.
     pub(super) fn new(import: &'f ImportDescription, file: &'f GltfFile<'a>) -> Self {
-        Self { import, file, names: BTreeMap::new() }
+        Self { import, file, names: BTreeMap::new(), taken: Names::default() }
     }
 
-    /// The name of a material in the scene, to which it is added when it is used first.
-    pub(super) fn name(&mut self, index: Option<usize>, expansion: &mut Expansion) -> String {
-        if let Some(name) = self.names.get(&index) {
+    /// The name of a material in the scene, to which it is added when it is used first. A surface that is not closed
+    /// has no body.
+    pub(super) fn name(&mut self, index: Option<usize>, is_closed: bool, expansion: &mut Expansion) -> String {
+        if let Some(name) = self.names.get(&(index, is_closed)) {
             return name.clone();
         }
         let default = Material::default();
         let material = index.and_then(|index| self.file.materials().get(index)).unwrap_or(&default);
-        let mut taken = expansion.materials.keys().cloned().collect();
-        let name = self.import.name_of(material.name.as_deref().unwrap_or("material"), &mut taken);
-        let described = self.describe(material, &name, &mut expansion.notes);
+        let name = self.taken.name(self.import, material.name.as_deref().unwrap_or("material"));
+        let described = self.describe(material, &name, is_closed, &mut expansion.notes);
         expansion.materials.insert(name.clone(), described);
-        self.names.insert(index, name.clone());
+        self.names.insert((index, is_closed), name.clone());
         name
     }
 
@@ -95,7 +105,13 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
         (radiance != [0.0; 3]).then(|| Emission { radiance, texture: texture() })
     }
 
-    fn describe(&self, material: &Material, name: &str, notes: &mut Vec<String>) -> MaterialDescription {
+    fn describe(
+        &self,
+        material: &Material,
+        name: &str,
+        is_closed: bool,
+        notes: &mut Vec<String>,
+    ) -> MaterialDescription {
         let mut note = |is_left_out: bool, what: &str| {
             if is_left_out {
                 notes.push(format!("material {name}: {what}"));
@@ -103,11 +119,20 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
         };
         note(material.is_unlit, "it is lit as other surfaces are, though the file says it is not");
         let [red, green, blue, alpha] = material.base_colour;
-        let base_colour = self.colour(material.base_colour_texture.as_ref(), [red, green, blue]);
+        let body = material.volume.as_ref().filter(|_| is_body(material));
+        // What a body of this thickness lets through, where the surface is that of a sheet.
+        let kept = body.filter(|_| !is_closed).map_or([1.0; 3], |body| {
+            let thickness = body.thickness * self.import.metres_per_unit;
+            self.absorption(body).map(|coefficient| libm::exp(-coefficient * thickness))
+        });
+        note(body.is_some() && !is_closed, "it is a sheet with the colour of its body, since its surface is open");
+        let coloured = [red * kept[0], green * kept[1], blue * kept[2]];
+        let base_colour = self.colour(material.base_colour_texture.as_ref(), coloured);
         let index_of_refraction = material.ior.clamp(1.0, 3.0);
         let (opacity, opacity_threshold) = self.opacity(material);
         if material.transmission <= 0.5 && is_blended_glass(material) {
             note(true, "it is window glass: the file blends it with what is behind it");
+            note(material.normal_texture.is_some(), RELIEF_LEFT_OUT);
             let tint = [red, green, blue].map(|channel| 1.0 - alpha + alpha * channel);
             return MaterialDescription::ThinWall(ThinWallMaterial {
                 index_of_refraction,
@@ -115,8 +140,9 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
                 ..ThinWallMaterial::default()
             });
         }
-        let body = material.volume.as_ref().filter(|volume| volume.thickness > 0.0 && material.transmission > 0.5);
-        if let Some(body) = body {
+        if let Some(body) = body.filter(|_| is_closed) {
+            note(material.normal_texture.is_some(), RELIEF_LEFT_OUT);
+            note(material.metallic_roughness_texture.is_some(), "its picture of roughness is left out");
             note(material.transmission_texture.is_some(), "its picture of transmission is left out");
             note(material.transmission < 1.0, "it lets all light through that it does not reflect");
             note(!is_white(&base_colour), "its base colour is left out: a body has the colour of what it absorbs");
@@ -135,6 +161,7 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
         }
         let is_clear = material.roughness <= CLEAR && material.metallic_roughness_texture.is_none();
         if material.transmission == 1.0 && material.transmission_texture.is_none() && is_clear {
+            note(material.normal_texture.is_some(), RELIEF_LEFT_OUT);
             return MaterialDescription::ThinWall(ThinWallMaterial {
                 index_of_refraction,
                 tint: base_colour,
@@ -151,6 +178,7 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
         let surface = material.metallic_roughness_texture.as_ref();
         let transmission = material.transmission_texture.as_ref();
         let bounded = material.specular_colour.map(|channel| channel.min(1.0));
+        note(bounded != material.specular_colour, "its specular colour is at most 1, though the file has more");
         MaterialDescription::MetallicRoughness(MetallicRoughnessMaterial {
             base_colour,
             metallic: data(surface, material.metallic, Channel::Blue),

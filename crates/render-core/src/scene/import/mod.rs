@@ -12,11 +12,13 @@ mod of_gltf;
 mod of_obj;
 mod old_glass;
 mod things;
+mod windows;
 
 pub use description::{GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis};
 pub use expand::files_of;
-pub use old_glass::{OLD_GLASS, profile};
+pub use old_glass::{OLD_GLASS, hex_colour, profile};
 pub use things::{Expansion, FLAT_THICKNESS, ImportedCamera};
+pub use windows::Window;
 
 pub(crate) use description::check_imports;
 pub(crate) use expand::expand;

@@ -1,20 +1,23 @@
 //! A glTF file as things of the scene.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use glam::{DAffine3, DVec3};
 use serde_json::Value;
 
 use super::description::{GlazeRule, ImportDescription, ImportFiles};
 use super::gltf::{Camera, GltfFile, Light, LightKind, Projection};
-use super::gltf_materials::{GltfMaterials, LUMENS_FOR_A_WATT, is_transparent};
-use super::old_glass::profile;
-use super::things::{Corners, Expansion, ImportedCamera, Thing, add};
+use super::gltf_materials::{GltfMaterials, LUMENS_FOR_A_WATT, is_body, is_transparent};
+use super::old_glass::{OLD_GLASS, hex_colour, profile};
+use super::things::{Assembly, Corners, Expansion, ImportedCamera, Thing};
+use crate::geometry::closed::is_closed;
 use crate::light::{LightDescription, PointLight, SpotLight, SunLight};
 use crate::scene::Assets;
 use crate::scene::assets::{asset_bytes, beside};
 use crate::scene::description::{CameraDescription, GltfSource, MeshSource};
 use crate::settings::AssetProblem;
+use crate::settings::check::Quoted;
 
 /// Angular radius of the sun, degrees.
 const SUN: f64 = 0.267;
@@ -28,25 +31,44 @@ pub(super) fn files(files: &ImportFiles, assets: &Assets) -> Result<Vec<String>,
 pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expansion, AssetProblem> {
     let files = import.source.files();
     let file = GltfFile::open(asset_bytes(assets, &files.file)?, &|uri| beside(assets, &files.file, uri))?;
-    let mut expansion = Expansion::default();
-    let mut taken = BTreeSet::new();
+    let mut assembly = Assembly::new(import);
+    let meshes: Vec<_> = file.meshes().collect();
+    let mut closed: BTreeMap<(usize, usize), bool> = BTreeMap::new();
     let mut materials = GltfMaterials::new(import, &file);
     let to_scene = import.to_scene();
     for node in file.nodes() {
         let world = to_scene * node.world;
         if let Some(index) = node.mesh
-            && let Some(mesh) = file.meshes().nth(index)
+            && let Some(mesh) = meshes.get(index)
         {
             let name = node.name.or(mesh.name).map_or_else(|| format!("mesh {index}"), str::to_owned);
             for (number, primitive) in
                 mesh.primitives.iter().enumerate().filter(|(_, primitive)| primitive.triangles > 0)
             {
                 let material = primitive.material.and_then(|index| file.materials().get(index));
-                let others = [mesh.name, material.and_then(|material| material.name.as_deref())];
-                let tags = [node.extras, mesh.extras].into_iter().chain(material.map(|material| &material.extras));
+                let extras = [node.extras, mesh.extras].into_iter().chain(material.map(|material| &material.extras));
+                let corners = || -> Result<Corners, AssetProblem> {
+                    let decoded = file.decode(index, number)?;
+                    Ok((decoded.positions, decoded.triangles))
+                };
+                let is_closed = if material.is_some_and(is_body) {
+                    let closed = closed.entry((index, number));
+                    match closed {
+                        Entry::Occupied(known) => *known.get(),
+                        Entry::Vacant(unknown) => *unknown.insert(is_closed_mesh(&corners()?)),
+                    }
+                } else {
+                    true
+                };
+                let pane = extras.clone().find_map(|extras| pane_of(extras));
+                if let Some((_, problems)) = &pane {
+                    let notes = problems.iter().map(|problem| format!("{name}: {problem}"));
+                    assembly.expansion.notes.extend(notes);
+                }
                 let thing = Thing {
                     name: name.clone(),
-                    others: others.into_iter().flatten().map(str::to_owned).collect(),
+                    mesh: mesh.name.map(str::to_owned),
+                    material_in_file: material.and_then(|material| material.name.clone()),
                     to_scene: world,
                     source: MeshSource::Gltf(GltfSource {
                         file: files.file.clone(),
@@ -54,41 +76,79 @@ pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expa
                         mesh: index as u32,
                         primitive: number as u32,
                     }),
-                    material: materials.name(primitive.material, &mut expansion),
+                    material: materials.name(primitive.material, is_closed, &mut assembly.expansion),
                     is_transparent: material.is_some_and(is_transparent),
                     emission: material.and_then(|material| materials.emission(material)),
-                    pane: tags.into_iter().find_map(pane_of),
+                    pane: pane.map(|(rule, _)| rule),
+                    tags: extras.flat_map(tags).collect(),
                 };
-                let corners = || -> Result<Corners, AssetProblem> {
-                    let decoded = file.decode(index, number)?;
-                    Ok((decoded.positions, decoded.triangles))
-                };
-                add(import, &mut expansion, &mut taken, thing, corners)?;
+                assembly.add(thing, corners)?;
             }
         }
         if let Some(camera) = node.camera.and_then(|index| file.cameras().get(index)) {
             let name = node.name.or(camera.name.as_deref()).unwrap_or("camera").to_owned();
-            expansion.cameras.push(camera_at(camera, name, world, import.metres_per_unit));
+            assembly.expansion.cameras.push(camera_at(camera, name, world, import.metres_per_unit));
         }
         if let Some(light) = node.light.and_then(|index| file.lights().get(index)).filter(|_| import.lights) {
-            let name = import.name_of(node.name.or(light.name.as_deref()).unwrap_or("light"), &mut taken);
-            expansion.lights.push(light_at(light, name, world));
+            let name = assembly.name(node.name.or(light.name.as_deref()).unwrap_or("light"));
+            assembly.expansion.lights.push(light_at(light, name, world));
         }
     }
     let notes = file.notes().iter().map(|note| format!("{}: {note}", files.file));
-    expansion.notes.splice(0..0, notes);
-    Ok(expansion)
+    assembly.expansion.notes.splice(0..0, notes);
+    Ok(assembly.finish())
+}
+
+/// Most values of a thing that patterns are matched with, and the longest of them, bytes.
+const MOST_TAGS: usize = 32;
+const LONGEST_TAG: usize = 200;
+
+/// What a modeller has written on a thing, as `key:value`.
+fn tags(extras: &Value) -> Vec<String> {
+    let tag = |(key, value): (&String, &Value)| match value {
+        Value::String(text) => Some(format!("{key}:{text}")),
+        Value::Bool(_) | Value::Number(_) => Some(format!("{key}:{value}")),
+        _ => None,
+    };
+    let tags = extras.as_object().into_iter().flatten().filter_map(tag);
+    tags.filter(|tag| tag.len() <= LONGEST_TAG).take(MOST_TAGS).collect()
+}
+
+/// Whether a mesh has no border.
+fn is_closed_mesh((positions, triangles): &Corners) -> bool {
+    let corner = |vertex: u32| positions.get(vertex as usize).copied().unwrap_or(DVec3::NAN);
+    is_closed(triangles.iter().map(|triangle| triangle.map(corner)))
 }
 
 /// What a program says of a thing that is a pane: `{"clerestory": {"kind": "pane", "thickness": 0.002, "profile":
-/// "crown"}}`.
-fn pane_of(extras: &Value) -> Option<GlazeRule> {
+/// "crown", "colour": "#d8e8d0"}}`; and what of it makes no sense.
+fn pane_of(extras: &Value) -> Option<(GlazeRule, Vec<String>)> {
     let tag = extras.get("clerestory").filter(|tag| tag.get("kind").and_then(Value::as_str) == Some("pane"))?;
-    let name = tag.get("profile").and_then(Value::as_str).unwrap_or("flat");
-    let thickness =
-        tag.get("thickness").and_then(Value::as_f64).filter(|thickness| *thickness > 0.0 && *thickness <= 1.0);
-    let [front, back] = [1, 2].map(|seed| profile(name, seed).unwrap_or_default());
-    Some(GlazeRule { thickness, front, back, ..GlazeRule::flat("*") })
+    let mut problems = Vec::new();
+    let mut rule = GlazeRule::flat("*");
+    let mut problem = |member: &str, value: &Value, expected: &str| {
+        problems.push(format!("its {member} of glass is {}: expected {expected}", Quoted(&value.to_string())));
+    };
+    if let Some(value) = tag.get("profile") {
+        let profiles = |name: &str| Some([profile(name, 1)?, profile(name, 2)?]);
+        match value.as_str().and_then(|name| profiles(&name.to_lowercase())) {
+            Some([front, back]) => (rule.front, rule.back) = (front, back),
+            None => problem("profile", value, &format!("one of {}, it is flat", OLD_GLASS.join(", "))),
+        }
+    }
+    if let Some(value) = tag.get("thickness") {
+        rule.thickness = value.as_f64().filter(|thickness| *thickness > 0.0 && *thickness <= 1.0);
+        if rule.thickness.is_none() {
+            problem("thickness", value, "metres, more than 0 and at most 1");
+        }
+    }
+    if let Some(value) = tag.get("colour") {
+        match value.as_str().and_then(hex_colour) {
+            Some(colour) => rule = rule.coloured(colour),
+            None => problem("colour", value, "a colour such as #d8e8d0"),
+        }
+    }
+    Some((rule, problems))
 }
 
 fn camera_at(camera: &Camera, name: String, world: DAffine3, metres_per_unit: f64) -> ImportedCamera {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::description::{ImportDescription, ImportFiles};
-use super::things::{Corners, Emission, Expansion, Thing, add};
+use super::things::{Assembly, Corners, Emission, Expansion, Thing};
 use crate::bsdf::{DiffuseMaterial, MaterialDescription, MetallicRoughnessMaterial, ThinWallMaterial};
 use crate::scene::Assets;
 use crate::scene::assets::asset_bytes;
@@ -48,7 +48,8 @@ fn beside(file: &str, name: &str) -> String {
 pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expansion, AssetProblem> {
     let files = import.source.files();
     let file = ObjFile::open(asset_bytes(assets, &files.file)?)?;
-    let mut expansion = Expansion::default();
+    let mut assembly = Assembly::new(import);
+    let expansion = &mut assembly.expansion;
     let libraries = libraries(files, &file, assets, &mut expansion.notes)?;
     let lines = file.lines_and_points();
     if lines > 0 {
@@ -56,7 +57,6 @@ pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expa
     }
     let parts = file.parts()?;
     let mut meshes = None;
-    let mut taken = BTreeSet::new();
     let mut materials = BTreeSet::new();
     for (number, part) in parts.iter().enumerate() {
         let found = part
@@ -67,23 +67,25 @@ pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expa
         let scene_name = format!("{}/{name}", import.name);
         if materials.insert(scene_name.clone()) {
             if found.is_none() {
-                expansion.notes.push(format!("{}: material {name} is not described: it is grey", files.file));
+                assembly.expansion.notes.push(format!("{}: material {name} is not described: it is grey", files.file));
             }
             let material = found.map_or_else(grey, |(library, material)| {
-                note_absent_pictures(library, material, assets, &mut expansion.notes);
+                note_absent_pictures(library, material, assets, &mut assembly.expansion.notes);
                 describe(library, material, assets)
             });
-            expansion.materials.insert(scene_name.clone(), material);
+            assembly.expansion.materials.insert(scene_name.clone(), material);
         }
         let thing = Thing {
             name: if part.name.is_empty() { name.clone() } else { part.name.clone() },
-            others: part.material.iter().cloned().collect(),
+            mesh: None,
+            material_in_file: part.material.clone(),
             to_scene: import.to_scene(),
             source: MeshSource::Obj { file: files.file.clone(), part: Some(number as u32) },
             material: scene_name,
             is_transparent: found.is_some_and(|(_, material)| is_transparent(material)),
             emission: found.and_then(|(library, material)| emission(library, material, assets)),
             pane: None,
+            tags: Vec::new(),
         };
         let corners = || -> Result<Corners, AssetProblem> {
             if meshes.is_none() {
@@ -92,9 +94,9 @@ pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expa
             let mesh = meshes.as_ref().and_then(|meshes: &Vec<_>| meshes.get(number));
             Ok(mesh.map_or_else(Corners::default, |mesh| (mesh.positions.clone(), mesh.triangles.clone())))
         };
-        add(import, &mut expansion, &mut taken, thing, corners)?;
+        assembly.add(thing, corners)?;
     }
-    Ok(expansion)
+    Ok(assembly.finish())
 }
 
 /// The material libraries that were supplied, with their names.

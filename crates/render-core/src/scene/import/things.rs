@@ -6,14 +6,17 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::description::{GlazeRule, ImportDescription, UpAxis};
 use super::glazing::{PaneFit, Piece, pieces};
+use super::windows::{Candidate, Window, Windows, is_called_window, sheet_for};
 use crate::bsdf::MaterialDescription;
 use crate::geometry::rotation::rotation;
 use crate::light::{LightDescription, MeshLight};
 use crate::scene::description::{CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription};
+use crate::scene::mesh::is_degenerate;
 use crate::scene::profile::shortest_wavelength;
 use crate::settings::AssetProblem;
 use crate::settings::Triple;
-use crate::settings::limits::MAX_NAME_BYTES;
+use crate::settings::check::Quoted;
+use crate::settings::limits::{MAX_IMPORTED_THINGS, MAX_NAME_BYTES, PANE_EDGES};
 use crate::settings::pattern::matches;
 use crate::texture::TextureDescription;
 
@@ -34,9 +37,8 @@ pub struct Expansion {
     pub notes: Vec<String>,
     /// Names that a rule makes panes of and that are none, with the reason.
     pub unglazed: Vec<(String, String)>,
-    /// Names of windows without a rule, by what they are called or made of, with the number of panes that they could
-    /// become.
-    pub glazable: Vec<(String, usize)>,
+    /// Windows without a rule, by what they are called or made of.
+    pub windows: Vec<Window>,
 }
 
 impl Expansion {
@@ -63,8 +65,10 @@ pub struct ImportedCamera {
 pub(super) struct Thing {
     /// What it is called: the node, else the mesh.
     pub(super) name: String,
-    /// Other names: of the mesh, of the material in the file.
-    pub(super) others: Vec<String>,
+    /// What its mesh is called.
+    pub(super) mesh: Option<String>,
+    /// What its material is called in the file.
+    pub(super) material_in_file: Option<String>,
     /// From the coordinates of the file to those of the scene.
     pub(super) to_scene: DAffine3,
     pub(super) source: MeshSource,
@@ -76,6 +80,8 @@ pub(super) struct Thing {
     pub(super) emission: Option<Emission>,
     /// What the program that wrote the file says of glazing, if anything.
     pub(super) pane: Option<GlazeRule>,
+    /// What a modeller has written on it, as `key:value`.
+    pub(super) tags: Vec<String>,
 }
 
 /// Light that a material emits.
@@ -89,15 +95,6 @@ pub(super) struct Emission {
 /// The corners of a thing: positions in the file, and triangles.
 pub(super) type Corners = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// Words in names that are worth glazing, in lower case.
-const WINDOWS: [&str; 9] = ["window", "glass", "pane", "glaz", "fenster", "glas", "vitrail", "fenetre", "vetr"];
-
-/// Whether a name is that of a window.
-pub(super) fn is_called_window(name: &str) -> bool {
-    let name = name.to_lowercase();
-    WINDOWS.iter().any(|word| name.contains(word))
-}
-
 impl ImportDescription {
     /// From the coordinates of the file to those of the scene.
     pub(super) fn to_scene(&self) -> DAffine3 {
@@ -108,20 +105,31 @@ impl ImportDescription {
         let linear = rotation(self.rotate) * upright * self.metres_per_unit;
         DAffine3 { matrix3: linear, translation: DVec3::from(self.translate) }
     }
+}
 
+/// Names of the scene that are taken.
+#[derive(Debug, Default)]
+pub(super) struct Names {
+    taken: BTreeSet<String>,
+    /// How often each was asked for.
+    asked: BTreeMap<String, usize>,
+}
+
+impl Names {
     /// The name of a thing of the file in the scene.
-    pub(super) fn name_of(&self, name: &str, taken: &mut BTreeSet<String>) -> String {
+    pub(super) fn name(&mut self, import: &ImportDescription, name: &str) -> String {
         let plain: String = name.chars().filter(|character| !character.is_control()).collect();
-        let mut long = format!("{}/{}", self.name, if plain.is_empty() { "unnamed" } else { &plain });
+        let mut long = format!("{}/{}", import.name, if plain.is_empty() { "unnamed" } else { &plain });
         // Room for a number.
         long.truncate(long.floor_char_boundary(MAX_NAME_BYTES - 12));
-        let mut unique = long.clone();
-        let mut number = 1;
-        while !taken.insert(unique.clone()) {
-            number += 1;
-            unique = format!("{long} {number}");
+        let asked = self.asked.entry(long.clone()).or_default();
+        loop {
+            *asked += 1;
+            let unique = if *asked == 1 { long.clone() } else { format!("{long} {asked}") };
+            if self.taken.insert(unique.clone()) {
+                return unique;
+            }
         }
-        unique
     }
 }
 
@@ -132,14 +140,19 @@ pub(super) fn rows(affine: DAffine3) -> [[f64; 4]; 3] {
 }
 
 impl Thing {
-    /// Whether a pattern fits one of its names.
-    fn fits(&self, pattern: &str) -> bool {
-        matches(pattern, &self.name) || self.others.iter().any(|other| matches(pattern, other))
+    /// Its names in the file.
+    fn names(&self) -> impl Iterator<Item = &String> {
+        [&self.name].into_iter().chain(&self.mesh).chain(&self.material_in_file)
     }
 
-    /// Whether it is called or looks like a window.
-    fn is_window(&self) -> bool {
-        self.is_transparent || self.others.iter().chain([&self.name]).any(|name| is_called_window(name))
+    /// Whether a pattern fits one of its names, or what is written on it.
+    fn fits(&self, pattern: &str) -> bool {
+        self.names().chain(&self.tags).any(|name| matches(pattern, name))
+    }
+
+    /// Whether its material is that of a window.
+    fn is_glass(&self) -> bool {
+        self.is_transparent || self.material_in_file.as_deref().is_some_and(is_called_window)
     }
 
     /// Its pieces, in the coordinates of the scene.
@@ -148,82 +161,166 @@ impl Thing {
         pieces(&placed, &triangles)
     }
 
-    /// Adds it as a mesh of the scene. It shines if its material does and no material of the scene takes its place.
-    fn add_mesh(self, import: &ImportDescription, name: String, expansion: &mut Expansion) {
-        let rule = import.materials.iter().find(|rule| self.fits(&rule.pattern));
-        if rule.is_none()
-            && import.lights
-            && let Some(Emission { radiance, texture }) = self.emission
+    /// Whether none of its triangles has an area.
+    fn is_empty(&self, (positions, triangles): &Corners) -> bool {
+        let corner = |vertex: u32| positions.get(vertex as usize).map(|at| self.to_scene.transform_point3(*at));
+        let mut placed = triangles.iter().filter_map(|[a, b, c]| Some([corner(*a)?, corner(*b)?, corner(*c)?]));
+        placed.all(is_degenerate)
+    }
+}
+
+/// What a file adds to a scene, thing by thing.
+pub(super) struct Assembly<'a> {
+    import: &'a ImportDescription,
+    /// What there is so far.
+    pub(super) expansion: Expansion,
+    names: Names,
+    windows: Windows,
+    /// The rules that have fitted something: of materials, and of glazing.
+    used: [BTreeSet<usize>; 2],
+}
+
+impl<'a> Assembly<'a> {
+    /// Nothing yet.
+    pub(super) fn new(import: &'a ImportDescription) -> Self {
+        let (expansion, names, windows) = (Expansion::default(), Names::default(), Windows::default());
+        Self { import, expansion, names, windows, used: <[BTreeSet<usize>; 2]>::default() }
+    }
+
+    /// The name of a thing of the file in the scene.
+    pub(super) fn name(&mut self, name: &str) -> String {
+        self.names.name(self.import, name)
+    }
+
+    /// Adds a thing to the scene: as a mesh, or as panes where a rule says so. What a rule fits and what is no pane
+    /// stays a mesh.
+    ///
+    /// # Errors
+    ///
+    /// When its corners make no sense, or there are too many things.
+    pub(super) fn add(
+        &mut self,
+        mut thing: Thing,
+        mut corners: impl FnMut() -> Result<Corners, AssetProblem>,
+    ) -> Result<(), AssetProblem> {
+        if self.expansion.meshes.len() + self.expansion.panes.len() >= MAX_IMPORTED_THINGS {
+            let limit = format!("{MAX_IMPORTED_THINGS} of them: join what has one material");
+            return Err(AssetProblem::TooLarge { found: "more meshes and panes".to_owned(), limit });
+        }
+        if thing.emission.is_some() && thing.is_empty(&corners()?) {
+            self.expansion.notes.push(format!("{}: it emits no light, since it has no area", thing.name));
+            thing.emission = None;
+        }
+        let index = self.import.glaze.iter().position(|rule| thing.fits(&rule.pattern));
+        self.used[1].extend(index);
+        let Some(rule) = index.map(|index| &self.import.glaze[index]).or(thing.pane.as_ref()).cloned() else {
+            self.note_window(&thing, &mut corners)?;
+            self.add_mesh(thing);
+            return Ok(());
+        };
+        if thing.emission.is_some() && self.import.lights {
+            self.expansion.notes.push(format!("{}: glass emits no light, though its material does", thing.name));
+        }
+        let (mut rest, before) = (Vec::new(), self.expansion.panes.len());
+        for piece in thing.pieces(corners()?) {
+            let pane = piece.fit.as_ref().map_err(String::clone).and_then(|fit| {
+                let pane = rule.pane(String::new(), fit, self.expansion.panes.len() as u64);
+                check_size(&pane).and_then(|()| check_resolved(&pane)).map(|()| pane)
+            });
+            match pane {
+                Ok(pane) => {
+                    let name = self.name(&thing.name);
+                    self.expansion.panes.push(PaneDescription { name, ..pane });
+                }
+                Err(reason) => {
+                    self.expansion.unglazed.push((thing.name.clone(), reason));
+                    rest.push(piece);
+                }
+            }
+        }
+        if self.expansion.panes.len() == before {
+            // Such as the textured frame of a window, which is called like one.
+            self.add_mesh(thing);
+        } else if !rest.is_empty() {
+            let source = inline(&rest);
+            let to_scene = DAffine3::IDENTITY;
+            // These have no texture coordinates.
+            let emission = thing.emission.filter(|emission| emission.texture.is_none());
+            self.add_mesh(Thing { source, to_scene, emission, ..thing });
+        }
+        Ok(())
+    }
+
+    /// Remembers what could be glazed, and what could not.
+    fn note_window(
+        &mut self,
+        thing: &Thing,
+        corners: &mut impl FnMut() -> Result<Corners, AssetProblem>,
+    ) -> Result<(), AssetProblem> {
+        let is_glass = thing.is_glass();
+        if is_glass || [&thing.name].into_iter().chain(&thing.mesh).any(|name| is_called_window(name)) {
+            let pieces = thing.pieces(corners()?);
+            let fits: Vec<&PaneFit> = pieces.iter().filter_map(|piece| piece.fit.as_ref().ok()).collect();
+            if let Some(first) = fits.first() {
+                let has_rule = self.import.materials.iter().any(|rule| thing.fits(&rule.pattern));
+                let material = self.expansion.materials.get(&thing.material).filter(|_| !has_rule);
+                let thickness = first.thickness.unwrap_or(FLAT_THICKNESS);
+                self.windows.add(Candidate {
+                    names: [&thing.name].into_iter().chain(&thing.mesh).cloned().collect(),
+                    material: thing.material_in_file.clone(),
+                    is_glass,
+                    panes: fits.len(),
+                    sheet: material.and_then(|material| sheet_for(material, thickness)),
+                });
+                return Ok(());
+            }
+        }
+        if !is_glass {
+            self.windows.add_other(thing.names().cloned());
+        }
+        Ok(())
+    }
+
+    /// Adds a thing as a mesh of the scene. It shines if its material does and no material of the scene takes its
+    /// place.
+    fn add_mesh(&mut self, thing: Thing) {
+        let name = self.name(&thing.name);
+        let index = self.import.materials.iter().position(|rule| thing.fits(&rule.pattern));
+        self.used[0].extend(index);
+        if index.is_none()
+            && self.import.lights
+            && let Some(Emission { radiance, texture }) = thing.emission
         {
             let (texture, mesh) = (texture.map(Box::new), name.clone());
-            expansion.lights.push(LightDescription::Mesh(MeshLight { name: name.clone(), mesh, radiance, texture }));
+            let light = MeshLight { name: name.clone(), mesh, radiance, texture };
+            self.expansion.lights.push(LightDescription::Mesh(light));
         }
-        expansion.meshes.push(MeshDescription {
+        self.expansion.meshes.push(MeshDescription {
             name,
-            material: rule.map_or(self.material, |rule| rule.material.clone()),
-            source: self.source,
-            matrix: Some(rows(self.to_scene)),
+            material: index.map_or(thing.material, |index| self.import.materials[index].material.clone()),
+            source: thing.source,
+            matrix: Some(rows(thing.to_scene)),
             scale: 1.0,
             rotate: [0.0; 3],
             translate: [0.0; 3],
         });
     }
-}
 
-/// Adds a thing to the scene: as a mesh, or as panes where a rule says so. What a rule fits and what is no pane stays a
-/// mesh.
-pub(super) fn add(
-    import: &ImportDescription,
-    expansion: &mut Expansion,
-    taken: &mut BTreeSet<String>,
-    thing: Thing,
-    corners: impl FnOnce() -> Result<Corners, AssetProblem>,
-) -> Result<(), AssetProblem> {
-    let rule = import.glaze.iter().find(|rule| thing.fits(&rule.pattern)).or(thing.pane.as_ref()).cloned();
-    let Some(rule) = rule else {
-        if thing.is_window() {
-            let count = thing.pieces(corners()?).iter().filter(|piece| piece.fit.is_ok()).count();
-            if count > 0 {
-                expansion.glazable.push((thing.name.clone(), count));
-            }
-        }
-        let name = import.name_of(&thing.name, taken);
-        thing.add_mesh(import, name, expansion);
-        return Ok(());
-    };
-    if thing.emission.is_some() && import.lights {
-        expansion.notes.push(format!("{}: glass emits no light, though its material does", thing.name));
-    }
-    let (mut rest, before) = (Vec::new(), expansion.panes.len());
-    for piece in thing.pieces(corners()?) {
-        let pane = piece.fit.as_ref().map_err(String::clone).and_then(|fit| {
-            let pane = rule.pane(String::new(), fit, expansion.panes.len() as u64);
-            check_resolved(&pane).map(|()| pane)
+    /// All of it.
+    pub(super) fn finish(self) -> Expansion {
+        let Self { import, mut expansion, windows, used: [materials, glaze], .. } = self;
+        let of_materials = import.materials.iter().map(|rule| &rule.pattern).enumerate();
+        let of_glaze = import.glaze.iter().map(|rule| &rule.pattern).enumerate();
+        let idle = of_materials
+            .filter(|(index, _)| !materials.contains(index))
+            .chain(of_glaze.filter(|(index, _)| !glaze.contains(index)));
+        let notes = idle.map(|(_, pattern)| {
+            format!("the rule for {} does nothing: no name fits it that none before it fits", Quoted(pattern))
         });
-        match pane {
-            Ok(pane) => {
-                let name = import.name_of(&thing.name, taken);
-                expansion.panes.push(PaneDescription { name, ..pane });
-            }
-            Err(reason) => {
-                expansion.unglazed.push((thing.name.clone(), reason));
-                rest.push(piece);
-            }
-        }
+        expansion.notes.extend(notes);
+        expansion.windows = windows.settle();
+        expansion
     }
-    if expansion.panes.len() == before {
-        // Such as the textured frame of a window, which is called like one.
-        let name = import.name_of(&thing.name, taken);
-        thing.add_mesh(import, name, expansion);
-    } else if !rest.is_empty() {
-        let name = import.name_of(&thing.name, taken);
-        let source = inline(&rest);
-        let to_scene = DAffine3::IDENTITY;
-        // These have no texture coordinates.
-        let emission = thing.emission.filter(|emission| emission.texture.is_none());
-        Thing { source, to_scene, emission, ..thing }.add_mesh(import, name, expansion);
-    }
-    Ok(())
 }
 
 /// Pieces as triangles in the scene.
@@ -264,6 +361,19 @@ impl GlazeRule {
             crossing: crate::geometry::FaceCrossing::default(),
         }
     }
+}
+
+/// Refuses a pane that is too small or too large for a scene.
+fn check_size(pane: &PaneDescription) -> Result<(), String> {
+    let [least, most] = PANE_EDGES;
+    let [short, long] = [pane.width.min(pane.height), pane.width.max(pane.height)];
+    if short < least {
+        return Err(format!("it is too narrow: {:.1} mm are left of it in its frame", 1000.0 * short.max(0.0)));
+    }
+    if long > most {
+        return Err(format!("it measures {long:.2} m, and panes at most {most} m: does the file count in metres?"));
+    }
+    Ok(())
 }
 
 /// Refuses a pane that is too large for its relief.
