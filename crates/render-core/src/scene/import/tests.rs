@@ -14,6 +14,8 @@ use crate::settings::{JsonPath, SceneError};
 use crate::texture::picture_samples::encode_png;
 use crate::texture::{Channel, ColourDescription, ValueDescription};
 
+mod obj;
+
 /// A square of the file `a.glb` that stands upright: x to the right, y up.
 fn file(change: impl FnOnce(&mut Builder)) -> Assets {
     let mut builder = Builder::square();
