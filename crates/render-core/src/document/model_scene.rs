@@ -174,7 +174,8 @@ fn read_files(folder: &Path, source: &mut ImportSource) -> Result<Assets, SceneE
             match load_assets(folder, [(path(), file.clone())]) {
                 Ok(read) => assets.extend(read),
                 Err(SceneError::Asset { problem: AssetProblem::Unreadable(error), .. })
-                    if !source.needs_all_files() && error.kind() == ErrorKind::NotFound =>
+                    if !source.needs_all_files()
+                        && matches!(error.kind(), ErrorKind::NotFound | ErrorKind::IsADirectory) =>
                 {
                     absent.insert(file.clone());
                 }

@@ -268,7 +268,7 @@ const DECODED_TRIANGLE: u64 = 12;
 const WAVES_VERTEX: u64 = 24;
 
 /// Bytes of a vertex and of a triangle that reading a file takes besides what it decodes to.
-const READ_VERTEX: u64 = 80;
+const READ_VERTEX: u64 = 104;
 const READ_TRIANGLE: u64 = 80;
 
 /// Bytes of a vertex and of a triangle of the scene.

@@ -7,6 +7,7 @@ pub(crate) mod height_map;
 mod mapped;
 mod normal_map;
 pub(crate) mod picture;
+mod picture_check;
 #[cfg(test)]
 pub(crate) mod picture_samples;
 pub(crate) mod picture_size;
@@ -28,4 +29,5 @@ pub use wrap::{Filter, Wrap};
 
 pub(crate) use colour::Colour;
 pub(crate) use mapped::MappedPicture;
+pub(crate) use picture_check::unreadable;
 pub(crate) use value::Value;

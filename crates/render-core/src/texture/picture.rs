@@ -18,6 +18,11 @@ use clerestory_film::openexr::{ChannelKind, DecodeBudget, InputPart, OpenExr, Op
 /// The channels of EXR files that mean something here: colours, or one value, and opacity.
 const CHANNELS: [&str; 5] = ["R", "G", "B", "Y", "A"];
 
+/// Whether a channel of an EXR file means something here.
+pub(super) fn is_wanted(channel: &str) -> bool {
+    CHANNELS.contains(&channel)
+}
+
 /// A decoded picture; its first row is the top.
 pub(crate) enum Picture {
     /// From a file of 8 or 16 bits.
@@ -129,12 +134,14 @@ pub(crate) fn decode_picture(bytes: &[u8]) -> Result<Picture, AssetProblem> {
             decode_coded(decoder, malformed).map(Picture::Coded)
         }
         Some(PictureFormat::Exr) => decode_exr(bytes).map(Picture::Exr),
-        None => {
-            let instead =
-                FileFormat::of(bytes).map_or_else(String::new, |format| format!(": {}", format.instead_of_picture()));
-            Err(AssetProblem::malformed(format_args!("is no PNG, JPEG, WebP or OpenEXR file{instead}")))
-        }
+        None => Err(not_a_picture(bytes)),
     }
+}
+
+/// That a file is of another format.
+pub(super) fn not_a_picture(bytes: &[u8]) -> AssetProblem {
+    let instead = FileFormat::of(bytes).map_or_else(String::new, |format| format!(": {}", format.instead_of_picture()));
+    AssetProblem::malformed(format_args!("is no PNG, JPEG, WebP or OpenEXR file{instead}"))
 }
 
 fn decode_png(bytes: &[u8]) -> Result<CodedPicture, AssetProblem> {
@@ -182,7 +189,7 @@ pub(crate) fn has_alpha(bytes: &[u8]) -> bool {
     }
 }
 
-fn malformed_exr(error: OpenExrError) -> AssetProblem {
+pub(super) fn malformed_exr(error: OpenExrError) -> AssetProblem {
     AssetProblem::malformed(format_args!("is not a readable OpenEXR file: {error}"))
 }
 
@@ -194,7 +201,6 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<ExrPicture, AssetProblem> {
     };
     check_size(header.size)?;
     header.check_windows().map_err(malformed_exr)?;
-    let is_wanted = |name: &str| CHANNELS.contains(&name);
     if let Some((name, _)) =
         header.channels.iter().find(|(name, kind)| is_wanted(name) && *kind == ChannelKind::Integer)
     {

@@ -8,6 +8,7 @@ mod expand;
 mod glazing;
 pub(crate) mod gltf;
 mod gltf_materials;
+mod obj_materials;
 mod of_gltf;
 mod of_obj;
 mod old_glass;

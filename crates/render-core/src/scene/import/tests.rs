@@ -14,6 +14,7 @@ use crate::settings::{JsonPath, SceneError};
 use crate::texture::picture_samples::encode_png;
 use crate::texture::{Channel, ColourDescription, ValueDescription};
 
+mod obj;
 mod windows;
 
 /// A square of the file `a.glb` that stands upright: x to the right, y up.

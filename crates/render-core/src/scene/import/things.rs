@@ -85,6 +85,7 @@ pub(super) struct Thing {
 }
 
 /// Light that a material emits.
+#[derive(Clone, Debug)]
 pub(super) struct Emission {
     /// W/(m2 sr).
     pub(super) radiance: Triple,

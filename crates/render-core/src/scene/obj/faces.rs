@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use super::numbers::Numbers;
+use super::numbers::{Extent, Numbers};
 use super::parts::{Run, Sorting, Step};
 use super::statements::{Kind, Statement, Statements};
 use crate::scene::mesh::TriangleMesh;
@@ -100,7 +100,7 @@ impl<'a> Faces<'a> {
 
     /// The corner that a word names: `position`, `position/texture`, `position//normal` or `position/texture/normal`.
     fn corner(&self, statement: &Statement<'_>, word: &[u8], so_far: [usize; 3]) -> Result<Corner, AssetProblem> {
-        let Numbers { positions, texture_coordinates, normals } = self.numbers;
+        let Numbers { positions, texture_coordinates, normals, .. } = self.numbers;
         let kinds = [
             (positions.len(), "v", "vertices"),
             (texture_coordinates.len(), "vt", "texture coordinates"),
@@ -155,7 +155,7 @@ impl<'a> Faces<'a> {
     }
 
     fn position(&self, number: u32) -> DVec3 {
-        DVec3::from(self.numbers.positions[number as usize].map(f64::from))
+        self.numbers.positions[number as usize]
     }
 
     /// The mesh of all faces.
@@ -179,17 +179,35 @@ impl<'a> Faces<'a> {
 }
 
 impl Numbers {
-    /// A mesh of these vertices. It has texture coordinates or normals where every vertex has.
+    /// A mesh of these vertices. One mesh of a whole file has texture coordinates or normals where every vertex has.
+    /// Parts have them where any vertex has. The others have zeros; a normal of no length becomes that of the triangle.
     fn mesh(&self, vertices: &[Corner], triangles: Vec<[u32; 3]>) -> TriangleMesh {
-        let have = |place: usize| vertices.iter().all(|corner| corner[place] != NONE);
-        let position = |corner: &Corner| DVec3::from(self.positions[corner[0] as usize].map(f64::from));
-        let texture_coordinate =
-            |corner: &Corner| DVec2::from(self.texture_coordinates[corner[1] as usize].map(f64::from));
-        let normal = |corner: &Corner| DVec3::from(self.normals[corner[2] as usize].map(f64::from));
+        let have = |place: usize| {
+            let mut is_there = vertices.iter().map(|corner| corner[place] != NONE);
+            match self.extent {
+                Extent::OneMesh => is_there.all(|is_there| is_there),
+                Extent::Parts => is_there.any(|is_there| is_there),
+            }
+        };
+        let position = |corner: &Corner| self.positions[corner[0] as usize];
+        // `NONE` is beyond the end of either list.
+        let texture_coordinate = |corner: &Corner| {
+            let found = self.texture_coordinates.get(corner[1] as usize);
+            found.map_or(DVec2::ZERO, |pair| DVec2::from(pair.map(f64::from)))
+        };
+        let normal = |corner: &Corner| {
+            let found = self.normals.get(corner[2] as usize);
+            found.map_or(DVec3::ZERO, |normal| DVec3::from(normal.map(f64::from)))
+        };
+        let colour = |corner: &Corner| {
+            let [red, green, blue] = self.colours[corner[0] as usize];
+            [red, green, blue, 1.0]
+        };
         TriangleMesh {
             positions: vertices.iter().map(position).collect(),
             texture_coordinates: if have(1) { vertices.iter().map(texture_coordinate).collect() } else { Vec::new() },
             normals: if have(2) { vertices.iter().map(normal).collect() } else { Vec::new() },
+            colours: if self.colours.is_empty() { Vec::new() } else { vertices.iter().map(colour).collect() },
             triangles,
             ..TriangleMesh::default()
         }

@@ -16,7 +16,7 @@ use self::counts::Counts;
 use self::faces::Faces;
 use self::file_name::file_beside;
 pub(crate) use self::mtl::{MtlFile, MtlMap, MtlMaterial};
-use self::numbers::Numbers;
+use self::numbers::{Extent, Numbers};
 pub(crate) use self::parts::ObjPart;
 use self::parts::Sorting;
 use self::statements::{Kind, Statements};
@@ -50,9 +50,9 @@ impl<'a> ObjFile<'a> {
         positions.max((3 * triangles).min(self.counts.named().saturating_mul(groups)))
     }
 
-    /// Decodes it as one mesh.
+    /// Decodes it as one mesh, with less detail than its parts have.
     pub(super) fn decode(&self) -> Result<TriangleMesh, AssetProblem> {
-        let numbers = Numbers::read(self.bytes, self.counts)?;
+        let numbers = Numbers::read(self.bytes, self.counts, Extent::OneMesh)?;
         let mut faces = Faces::new(&numbers, self.counts.triangles);
         faces.read(self.bytes, None)?;
         Ok(faces.into_mesh())
@@ -61,6 +61,17 @@ impl<'a> ObjFile<'a> {
     /// Its statements of lines and points, which are left out.
     pub(super) fn lines_and_points(&self) -> usize {
         Lines::new(self.bytes, 1).filter(|line| matches!(Words(line).next(), Some(b"l" | b"p"))).count()
+    }
+
+    /// Whether any of its vertices has a colour.
+    pub(super) fn has_colours(&self) -> bool {
+        let mut statements = Statements::new(self.bytes);
+        while let Some(statement) = statements.next() {
+            if statement.kind == Kind::Position && Words(statement.arguments).nth(5).is_some() {
+                return true;
+            }
+        }
+        false
     }
 
     /// Its parts that have triangles, in the order in which they appear.
@@ -85,7 +96,7 @@ impl<'a> ObjFile<'a> {
     }
 
     fn decode_sorted(&self, wanted: Option<usize>, parts: &[ObjPart]) -> Result<Vec<TriangleMesh>, AssetProblem> {
-        let numbers = Numbers::read(self.bytes, self.counts)?;
+        let numbers = Numbers::read(self.bytes, self.counts, Extent::Parts)?;
         let triangles = wanted.and_then(|part| parts.get(part)).map_or(self.counts.triangles, |part| part.triangles);
         let mut faces = Faces::new(&numbers, triangles);
         let mut sorting = Sorting::new(wanted);

@@ -55,6 +55,8 @@ pub(crate) struct MtlMaterial {
     pub(crate) roughness_map: Option<MtlMap>,
     /// `map_Pm`
     pub(crate) metallic_map: Option<MtlMap>,
+    /// Statements of pictures that name no file beside the library, in lower case.
+    pub(crate) unnamed: Vec<String>,
 }
 
 /// A picture with its options.
@@ -77,7 +79,7 @@ impl MtlFile {
     ///
     /// # Errors
     ///
-    /// When a number of a known statement is none, or a picture has no name.
+    /// When a number of a known statement is none.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, AssetProblem> {
         let mut file = Self::default();
         let mut lines = Lines::new(without_byte_order_mark(bytes), 1);
@@ -126,7 +128,10 @@ impl MtlMaterial {
             return Ok(colour.is_some());
         }
         if let Some(place) = self.map(keyword) {
-            *place = Some(line.map()?);
+            match line.map()? {
+                Some(map) => *place = Some(map),
+                None => self.unnamed.push(name(keyword)),
+            }
             return Ok(true);
         }
         if let Some(place) = self.number(keyword) {
@@ -228,8 +233,9 @@ impl Line<'_> {
         model.ok_or_else(|| self.problem("must be a whole number of 0 to 10"))
     }
 
-    /// A picture behind its options. The name of its file may have blanks in it.
-    fn map(&self) -> Result<MtlMap, AssetProblem> {
+    /// A picture behind its options. The name of its file may have blanks in it. `None` when it names no file beside
+    /// the library: exporters write the statement for pictures that were never saved.
+    fn map(&self) -> Result<Option<MtlMap>, AssetProblem> {
         let mut map =
             MtlMap { file: String::new(), offset: [0.0; 2], scale: [1.0; 2], multiplier: 1.0, is_clamped: false };
         let mut words = Words(self.rest);
@@ -244,9 +250,7 @@ impl Line<'_> {
                 b"-clamp" => map.is_clamped = words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"on")),
                 b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-type" => _ = words.next(),
                 _ => {
-                    let file = file_beside(&name(rest));
-                    map.file = file.ok_or_else(|| self.problem("must name a file beside this one"))?;
-                    return Ok(map);
+                    return Ok(file_beside(&name(rest)).map(|file| MtlMap { file, ..map }));
                 }
             }
         }
@@ -308,6 +312,7 @@ mod tests {
             normal_map: Some(map("d.png")),
             roughness_map: Some(map("e.png")),
             metallic_map: Some(map("f.png")),
+            unnamed: Vec::new(),
         };
         let file = read(text);
         assert_eq!(file.material("stained glass"), Some(&expected));
@@ -345,6 +350,16 @@ mod tests {
     }
 
     #[test]
+    fn pictures_without_a_name_are_left_out_and_listed() {
+        let material = |lines: &str| read(&format!("newmtl a\n{lines}\n")).materials[0].clone();
+        for line in ["map_Kd", "map_Kd \t", "map_Kd -s 1 1", "map_Kd .."] {
+            let unnamed = MtlMaterial { name: "a".to_owned(), unnamed: vec!["map_kd".to_owned()], ..<_>::default() };
+            assert_eq!(material(line), unnamed, "{line:?}");
+        }
+        assert_eq!(material("map_Kd a.png\nmap_Kd\n").diffuse_map, Some(map("a.png")));
+    }
+
+    #[test]
     fn what_is_left_out_is_counted() {
         let file = read("Kd 1 1 1\nnewmtl a\nmap_Ks x.png\nrefl -type sphere y.png\nmap_ks z.png\nKd spectral a.rfl\n");
         let left_out: Vec<(&str, usize)> = file.left_out.iter().map(|(name, count)| (name.as_str(), *count)).collect();
@@ -369,12 +384,9 @@ mod tests {
             ("Ns # none", "must have a number"),
             ("Ns inf", "\"inf\" must be a finite number"),
             ("illum 1.5", "must be a whole number of 0 to 10"),
-            ("map_Kd", "must name a file beside this one"),
-            ("map_Kd -s 1 1", "must name a file beside this one"),
             ("map_Kd -s wood.png", "\"wood.png\" must be a number such as"),
             ("map_Kd -bm nan wood.png", "\"nan\" must be a finite number"),
             ("map_Kd -s 1 inf wood.png", "\"inf\" must be a finite number"),
-            ("map_Kd ..", "must name a file beside this one"),
         ] {
             let error = MtlFile::read(format!("newmtl a\n{text}\n").as_bytes()).unwrap_err().to_string();
             assert!(error.starts_with("is not a readable MTL file: line 2, "), "{error}");

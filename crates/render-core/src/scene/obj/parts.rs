@@ -18,6 +18,39 @@ pub(crate) struct ObjPart {
     pub(crate) triangles: usize,
     /// Vertices that it will have, about, at the most.
     pub(crate) vertices: usize,
+    /// Which of its faces have texture coordinates.
+    pub(crate) texture_coordinates: Coverage,
+    /// Which of its faces have normals.
+    pub(crate) normals: Coverage,
+}
+
+/// Which faces of a part have texture coordinates, or normals, in all corners.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Coverage {
+    /// Whether any corner has.
+    pub(crate) is_any: bool,
+    /// Faces with a corner that has none.
+    pub(crate) faces_without: usize,
+}
+
+impl Coverage {
+    /// Adds a face whose corners are these words, in which the index stands at `place`.
+    fn add(&mut self, corners: &[u8], place: usize) {
+        let is_there = |word: &[u8]| word.split(|byte| *byte == b'/').nth(place).is_some_and(|index| !index.is_empty());
+        let mut is_whole = true;
+        for corner in Words(corners) {
+            let is_there = is_there(corner);
+            self.is_any |= is_there;
+            is_whole &= is_there;
+        }
+        self.faces_without += usize::from(!is_whole);
+    }
+
+    /// The same in a file that has this many texture coordinates, or normals. Indices of what is not there do not
+    /// count.
+    fn of_file(self, numbers: usize) -> Self {
+        Self { is_any: self.is_any && numbers > 0, ..self }
+    }
 }
 
 /// The most parts of a file.
@@ -82,6 +115,8 @@ struct Size {
     triangles: usize,
     /// Runs of faces without faces of other parts or groups among them.
     runs: usize,
+    texture_coordinates: Coverage,
+    normals: Coverage,
 }
 
 /// Finds the parts of a file of which these are the counts.
@@ -108,10 +143,16 @@ pub(super) fn find(bytes: &[u8], counts: &Counts) -> Result<Vec<ObjPart>, AssetP
         }
         sizes[part].triangles += triangles;
         sizes[part].runs += usize::from(last.replace(part) != Some(part));
+        sizes[part].texture_coordinates.add(statement.arguments, 1);
+        sizes[part].normals.add(statement.arguments, 2);
     }
-    let of_part = |((name, material), Size { triangles, runs }): ((String, String), Size)| {
-        let vertices = (3 * triangles).min(counts.named().saturating_mul(runs));
-        ObjPart { name, material: (!material.is_empty()).then_some(material), triangles, vertices }
+    let of_part = |((name, material), size): ((String, String), Size)| ObjPart {
+        name,
+        material: (!material.is_empty()).then_some(material),
+        triangles: size.triangles,
+        vertices: (3 * size.triangles).min(counts.named().saturating_mul(size.runs)),
+        texture_coordinates: size.texture_coordinates.of_file(counts.texture_coordinates),
+        normals: size.normals.of_file(counts.normals),
     };
     Ok(names.into_parts().into_iter().zip(sizes).map(of_part).collect())
 }

@@ -230,13 +230,46 @@ fn parts_are_faces_of_one_name_and_one_material_in_order_of_appearance() {
 }
 
 #[test]
-fn a_part_has_texture_coordinates_where_all_of_its_corners_have() {
-    let text = format!("{SQUARE}vt 0 1\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3\nusemtl a\nf 1/1 3/1 4/1\n");
-    assert_eq!(parts(&text), [part("", "a", 2), part("", "b", 1)]);
-    let meshes = ObjFile::open(text.as_bytes()).unwrap().decode_parts().unwrap();
+fn a_part_has_texture_coordinates_and_normals_where_any_of_its_corners_has() {
+    let text = format!(
+        "{SQUARE}vt 0 1\nvn 0 0 1\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3\nusemtl a\nf 1/1 3/1 4/1\nusemtl c\n\
+         f 1 2 3\nf 1//1 2//1 3//1\nf 1//1 2 3\n"
+    );
+    assert_eq!(parts(&text), [part("", "a", 2), part("", "b", 1), part("", "c", 3)]);
+    let file = ObjFile::open(text.as_bytes()).unwrap();
+    let meshes = file.decode_parts().unwrap();
     assert_eq!(meshes[0].texture_coordinates, [DVec2::Y; 6]);
-    assert!(meshes[1].texture_coordinates.is_empty());
     assert_eq!(meshes[0].triangles, [[0, 1, 2], [3, 4, 5]]);
+    assert_eq!(meshes[1].texture_coordinates, [DVec2::Y, DVec2::Y, DVec2::ZERO]);
+    let [none, up] = [DVec3::ZERO, DVec3::Z];
+    assert_eq!(meshes[2].normals, [none, none, none, up, up, up]);
+    assert!(meshes[0].normals.is_empty() && meshes[2].texture_coordinates.is_empty());
+    let coverage: Vec<[(bool, usize); 2]> = file.parts().unwrap().iter().map(of_part).collect();
+    assert_eq!(coverage, [[(true, 0), (false, 2)], [(true, 1), (false, 1)], [(false, 3), (true, 2)]]);
+    // Indices of what the file does not have name nothing.
+    let unwritten = format!("{SQUARE}f 1/1/1 2/2/2 3/3/3\n");
+    let parts = ObjFile::open(unwritten.as_bytes()).unwrap().parts().unwrap();
+    assert!(!parts[0].texture_coordinates.is_any && !parts[0].normals.is_any);
+}
+
+/// Whether any corner of a part has texture coordinates, and normals, and how many faces have a corner without.
+fn of_part(part: &ObjPart) -> [(bool, usize); 2] {
+    [part.texture_coordinates, part.normals].map(|coverage| (coverage.is_any, coverage.faces_without))
+}
+
+#[test]
+fn a_part_has_all_digits_and_one_mesh_has_those_of_32_bits() {
+    let text = "v 530000.012 0.1 0 1 0 0\nv 1 0.3 0 3\nv 0 1 0\nf 1 2 3\n";
+    let file = ObjFile::open(text.as_bytes()).unwrap();
+    let [part, whole] = [file.decode_part(0).unwrap(), file.decode().unwrap()];
+    assert_eq!(part.positions[0], DVec3::new(530_000.012, 0.1, 0.0));
+    assert_eq!(part.positions[1], DVec3::new(1.0 / 3.0, 0.3 / 3.0, 0.0));
+    // As the images of scenes that name such a file were rendered.
+    let rounded = [[530_000.012_f32, 0.1, 0.0], [1.0 / 3.0, 0.3 / 3.0, 0.0], [0.0, 1.0, 0.0]];
+    assert_eq!(whole.positions, rounded.map(|position| DVec3::from(position.map(f64::from))));
+    assert!(file.has_colours() && whole.colours.is_empty());
+    assert_eq!(part.colours, [[1.0, 0.0, 0.0, 1.0], [1.0; 4], [1.0; 4]]);
+    assert!(!ObjFile::open(b"v 0 0 0\nv 1 0 0 2\n").unwrap().has_colours());
 }
 
 #[test]
