@@ -75,7 +75,7 @@ fn scene(file: &str) -> Value {
     if file.starts_with("relief") {
         scene["panes"] = json!([{
             "name": "pane", "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.1, "height": 0.1,
-            "thickness": 0.9, "front": {"height_map": {"file": file}}
+            "thickness": 1.0, "front": {"height_map": {"file": file}}
         }]);
         return scene;
     }
