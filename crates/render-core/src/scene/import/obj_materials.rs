@@ -3,7 +3,7 @@
 //! MTL files say little of what they mean, and exporters fill in what they do not know. So a material is taken for
 //! glass only where its opacity says so, or where its illumination model refracts light.
 
-use super::of_obj::beside;
+use super::description::ImportFiles;
 use super::things::Emission;
 use crate::bsdf::{DiffuseMaterial, MaterialDescription, MetallicRoughnessMaterial, ThinWallMaterial};
 use crate::scene::Assets;
@@ -135,6 +135,11 @@ fn with_readable_pictures(
         *map = None;
     }
     material
+}
+
+/// The name of a file that is beside another.
+pub(super) fn beside(file: &str, name: &str) -> String {
+    ImportFiles { file: file.to_owned(), files: Vec::new() }.beside(name)
 }
 
 fn part(colour: Triple) -> Triple {

@@ -60,7 +60,7 @@ pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expa
                 } else {
                     true
                 };
-                let pane = extras.clone().find_map(|extras| pane_of(extras));
+                let pane = extras.clone().find_map(pane_of);
                 if let Some((_, problems)) = &pane {
                     let notes = problems.iter().map(|problem| format!("{name}: {problem}"));
                     assembly.expansion.notes.extend(notes);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::description::{ImportDescription, ImportFiles};
-use super::obj_materials::{ObjSurface, pictures};
+use super::obj_materials::{ObjSurface, beside, pictures};
 use super::things::{Assembly, Corners, Expansion, Thing};
 use crate::scene::Assets;
 use crate::scene::assets::asset_bytes;
@@ -33,11 +33,6 @@ pub(super) fn files(files: &ImportFiles, assets: &Assets) -> Result<Vec<String>,
 /// Reads a material library. What is wrong with it goes on after the name of the OBJ file.
 fn read_library(name: &str, bytes: &[u8]) -> Result<MtlFile, AssetProblem> {
     MtlFile::read(bytes).map_err(|problem| AssetProblem::malformed(format_args!("names {name}, which {problem}")))
-}
-
-/// The name of a file that is beside another.
-pub(super) fn beside(file: &str, name: &str) -> String {
-    ImportFiles { file: file.to_owned(), files: Vec::new() }.beside(name)
 }
 
 pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expansion, AssetProblem> {
