@@ -8,8 +8,8 @@
 //!   little.
 //! - Facets that shade each other, and light that several of them reflect: rough surfaces are not very rough.
 //! - Spots dim in another way there: the one here is sharp.
-//! - Meshes shine to the side of their normals there: lanterns are closed. Light of a picture beyond its first period is
-//!   lost there: screens have one.
+//! - Meshes shine to the side of their normals there: lanterns are closed. Light of a picture beyond its first period
+//!   is lost there: screens have one.
 //! - Mitsuba has no coat that is like ours: surfaces are matt or metal.
 //! - Terminators of rounded meshes are soft here: meshes are flat.
 //! - Mitsuba counts surfaces that are not there as vertices: paths are long. Normals that lean away from the viewer are

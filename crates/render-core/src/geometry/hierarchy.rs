@@ -9,7 +9,7 @@
 //!   2^15). It is a thousand times the 1e-4 units below which obvhs does not see the exit of a box;
 //! - a hit at distance t cuts the search only behind t plus the padding.
 //!
-//! Each box is padded by another amount: among boxes that are alike obvhs would find no pairs, and each would become a
+//! Each box is padded by another amount. Among boxes that are alike obvhs would find no pairs, and each would become a
 //! level of its own.
 
 use std::time::Duration;
