@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::build::Scene;
 use super::description::CameraDescription;
-use crate::geometry::{Ray, SurfaceId};
+use crate::geometry::{Hit, Ray, SurfaceId};
 use crate::light::LightBounds;
 use clerestory_film::counters::Counters;
 
@@ -113,18 +113,39 @@ fn view_in_a_room(scene: &Scene, min: DVec3, max: DVec3) -> Option<CameraDescrip
     Some(perspective(position, look_at, IN_A_ROOM))
 }
 
-/// Whether light can come to a place: out of windows, or from a light that may be inside. The inside of a solid thing
-/// is dark.
+/// Whether light comes to a place: out of windows, from what shines there, or off a surface that a lamp lights. The
+/// inside of a solid thing is dark.
 fn is_lit(scene: &Scene, place: DVec3) -> bool {
-    let has_lamp = scene.lights().iter().any(|light| matches!(light.bounds(), LightBounds::Ball { .. }));
-    has_lamp || (0..LOOKS_OUT).any(|index| free_distance(scene, place, on_a_sphere(index, LOOKS_OUT)).is_none())
+    let lamps = scene.lights().iter().filter_map(|light| match light.bounds() {
+        LightBounds::Ball { centre, .. } if light.triangles().is_none() => Some(centre),
+        _ => None,
+    });
+    let lamps: Vec<DVec3> = lamps.take(LAMPS).collect();
+    let sees = |from: DVec3, lamp: DVec3| {
+        let distance = from.distance(lamp);
+        free_distance(scene, from, (lamp - from) / distance).is_none_or(|free| free > (1.0 - NEARLY) * distance)
+    };
+    (0..LOOKS_OUT).any(|index| {
+        let ray = Ray::new(place, on_a_sphere(index, LOOKS_OUT));
+        let Some(hit) = closest_hit(scene, &ray) else { return true };
+        let shines = scene.light_on(&hit).is_some_and(|(_, light)| light.radiance.max_element() > 0.0);
+        shines || lamps.iter().any(|lamp| sees(ray.at((1.0 - NEARLY) * hit.distance), *lamp))
+    })
+}
+
+/// The most lamps that are looked for.
+const LAMPS: usize = 8;
+
+/// What is nearer to a thing by this share of the way to it is before its surface.
+const NEARLY: f64 = 1e-3;
+
+fn closest_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
+    scene.accelerator().closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default())
 }
 
 /// How far one sees; `None` where there is nothing.
 fn free_distance(scene: &Scene, from: DVec3, direction: DVec3) -> Option<f64> {
-    let ray = Ray::new(from, direction);
-    let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default());
-    hit.map(|hit| hit.distance)
+    closest_hit(scene, &Ray::new(from, direction)).map(|hit| hit.distance)
 }
 
 /// One of `count` directions that are spread evenly.
@@ -145,8 +166,8 @@ mod tests {
     use super::*;
     use crate::document::{SceneBundle, SceneDescription};
 
-    /// The position of the camera for a box of 4 x 6 x 3 m in daylight, with an opening in one wall or without.
-    fn position(has_window: bool) -> DVec3 {
+    /// The position of the camera for a box of 4 x 6 x 3 m with a light, with an opening in one wall or without.
+    fn position(has_window: bool, light: &Value) -> DVec3 {
         let [x, y, z] = [4.0, 6.0, 3.0];
         let quad = |corners: [[f64; 3]; 4]| corners;
         let mut quads = vec![
@@ -174,7 +195,7 @@ mod tests {
             "meshes": [{"name": "box", "material": "white", "source": {"inline": {
                 "positions": quads.concat(), "triangles": triangles
             }}}],
-            "lights": [{"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}}]
+            "lights": [light]
         });
         let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
         let scene = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
@@ -183,11 +204,15 @@ mod tests {
     }
 
     #[test]
-    fn a_room_with_a_window_is_seen_from_inside_and_a_closed_box_from_outside() {
+    fn a_room_that_is_lit_is_seen_from_inside_and_a_dark_one_from_outside() {
         let inside = |at: DVec3| at.cmpgt(DVec3::splat(0.1)).all() && at.cmplt(DVec3::new(3.9, 5.9, 2.9)).all();
-        let room = position(true);
-        assert!(inside(room) && (room.z - 1.5).abs() < 0.2, "{room}");
-        let solid = position(false);
-        assert!(!inside(solid) && solid.z > 3.0, "{solid}");
+        let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}});
+        let lamp = |x: f64| json!({"point": {"name": "lamp", "position": [x, 3, 2.5], "intensity": [1, 1, 1]}});
+        for room in [position(true, &sky), position(false, &lamp(1.0))] {
+            assert!(inside(room) && (room.z - 1.5).abs() < 0.2, "{room}");
+        }
+        for solid in [position(false, &sky), position(false, &lamp(6.0))] {
+            assert!(!inside(solid) && solid.z > 3.0, "{solid}");
+        }
     }
 }
