@@ -88,7 +88,9 @@ impl FromStr for Glaze {
                     let metres = value.parse().ok().filter(|metres: &f64| *metres > 0.0 && *metres <= 1.0);
                     thickness = Some(metres.ok_or_else(|| wrong("metres, more than 0 and at most 1"))?);
                 }
-                "colour" => transmitted = hex_colour(value).ok_or_else(|| wrong("a colour such as #d8e8d0"))?,
+                "colour" | "color" => {
+                    transmitted = hex_colour(value).ok_or_else(|| wrong("a colour such as #d8e8d0"))?
+                }
                 "seed" => seed = value.parse().map_err(|_| wrong("a whole number"))?,
                 _ => return Err(format!("found {setting:?}, expected thickness=, colour= or seed=")),
             }

@@ -60,7 +60,9 @@ pub(crate) fn run(arguments: &ImportArguments) -> Result<(), Failure> {
     activity.done("The scene is ready");
     write(&output, format!("{}\n", scene_text(model.bundle.description())).as_bytes())?;
     let count = |mesh: &MeshSurface| u64::from(mesh.triangles()) + u64::from(mesh.omitted_triangles());
-    report(&model, scene.scene().meshes().iter().map(count).sum(), &output)
+    let triangles = scene.scene().meshes().iter().map(count).sum();
+    let size = scene.scene().bounds().map(|[min, max]| (max - min).to_array());
+    report(&model, triangles, size, &output)
 }
 
 /// A scene file names files of its own folder alone.
@@ -79,7 +81,7 @@ fn check_folder(file: &Path, output: &Path) -> Result<(), Failure> {
     )))
 }
 
-fn report(model: &ModelScene, triangles: u64, output: &Path) -> Result<(), Failure> {
+fn report(model: &ModelScene, triangles: u64, size: Option<[f64; 3]>, output: &Path) -> Result<(), Failure> {
     let Expansion { meshes, materials, panes, lights, cameras, windows, .. } = &model.expansion;
     print_line(&format!(
         "{}: {} meshes of {triangles} triangles, {} materials, {} panes, {} lights and {} cameras of the file",
@@ -90,6 +92,9 @@ fn report(model: &ModelScene, triangles: u64, output: &Path) -> Result<(), Failu
         lights.len(),
         cameras.len()
     ))?;
+    if let Some([x, y, z]) = size {
+        print_line(&format!("- It is {x:.2} x {y:.2} m wide and {z:.2} m high, unless --unit or --up say otherwise"))?;
+    }
     for line in model.expansion.remarks().chain(model.assumptions.iter().cloned()) {
         print_line(&format!("- {line}"))?;
     }

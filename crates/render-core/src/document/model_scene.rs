@@ -13,7 +13,7 @@ use crate::scene::description::{CameraDescription, FilmDescription};
 use crate::scene::import::{
     Expansion, GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis, Window, expand, files_of,
 };
-use crate::scene::{Assets, Scene, SceneError, view_of};
+use crate::scene::{Assets, Scene, SceneError, View, view_of};
 use crate::settings::{AssetProblem, JsonPath, SCENE_FORMAT_VERSION, Triple};
 
 /// How a file of another program becomes a scene.
@@ -108,8 +108,9 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
     // Surfaces that shine are seldom meant to light a building.
     if expansion.lights.iter().all(|light| light.mesh().is_some()) {
         description.lights = daylight();
+        let found = if expansion.lights.is_empty() { "" } else { ", beside surfaces that shine" };
         assumptions
-            .push("The file has no lamp and no sun: a sun from the south and a uniform sky were added".to_owned());
+            .push(format!("The file has no lamp and no sun{found}: a sun from the south and a uniform sky were added"));
     } else if let Some(sun) = brightest_sun(&expansion.lights)
         && expansion.lights.iter().all(|light| !light.is_environment())
     {
@@ -145,8 +146,10 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
                 assumptions.push("The file has no camera, and no surface that one could look at".to_owned());
             } else {
                 let scene = Scene::build(walls.parts(), &assets, &mut |_| ());
-                description.camera = view_of(&scene.map_err(|error| walls.named(error))?);
-                assumptions.push("The file has no camera: one was placed where most of the space is seen".to_owned());
+                let View { camera, is_inside } = view_of(&scene.map_err(|error| walls.named(error))?);
+                description.camera = camera;
+                let place = if is_inside { "where most of the space is seen" } else { "outside, in front of it all" };
+                assumptions.push(format!("The file has no camera: one was placed {place}"));
             }
         }
     }

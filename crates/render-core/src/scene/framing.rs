@@ -44,10 +44,21 @@ const SIDEWAYS: f64 = 0.6;
 const IN_A_ROOM: f64 = 62.0;
 const IN_FRONT: f64 = 38.0;
 
+/// A camera, and where it stands.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// The camera.
+    pub camera: CameraDescription,
+    /// Whether it stands in a room.
+    pub is_inside: bool,
+}
+
 /// A view of a scene. It stands in the open: nothing is nearer than a share of the way across.
-pub fn view_of(scene: &Scene) -> CameraDescription {
+pub fn view_of(scene: &Scene) -> View {
     let [min, max] = scene.bounds().unwrap_or([DVec3::ZERO, DVec3::ONE]);
-    view_in_a_room(scene, min, max).unwrap_or_else(|| view_from_outside(min, max))
+    let inside = view_in_a_room(scene, min, max);
+    let is_inside = inside.is_some();
+    View { camera: inside.unwrap_or_else(|| view_from_outside(min, max)), is_inside }
 }
 
 fn perspective(position: DVec3, look_at: DVec3, vertical_field_of_view: f64) -> CameraDescription {
@@ -199,7 +210,7 @@ mod tests {
         });
         let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
         let scene = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
-        let CameraDescription::Perspective { position, .. } = view_of(&scene) else { panic!("a perspective") };
+        let CameraDescription::Perspective { position, .. } = view_of(&scene).camera else { panic!("a perspective") };
         DVec3::from(position)
     }
 

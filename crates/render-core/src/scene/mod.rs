@@ -45,7 +45,7 @@ pub use build::{Scene, decode_radiance};
 pub use build_meshes::decode_textures;
 pub use build_step::BuildStep;
 pub use camera::Camera;
-pub use framing::view_of;
+pub use framing::{View, view_of};
 pub use hash::{ContentHash, SceneHash};
 pub use memory::SceneMemory;
 pub use mesh_surface::MeshSurface;

@@ -261,7 +261,8 @@ impl<'a> Assembly<'a> {
         let is_glass = thing.is_glass();
         if is_glass || [&thing.name].into_iter().chain(&thing.mesh).any(|name| is_called_window(name)) {
             let pieces = thing.pieces(corners()?);
-            let fits: Vec<&PaneFit> = pieces.iter().filter_map(|piece| piece.fit.as_ref().ok()).collect();
+            let fits = pieces.iter().filter_map(|piece| piece.fit.as_ref().ok());
+            let fits: Vec<&PaneFit> = fits.filter(|fit| fit.size[0].max(fit.size[1]) <= PANE_EDGES[1]).collect();
             if let Some(first) = fits.first() {
                 let has_rule = self.import.materials.iter().any(|rule| thing.fits(&rule.pattern));
                 let material = self.expansion.materials.get(&thing.material).filter(|_| !has_rule);
@@ -372,7 +373,9 @@ fn check_size(pane: &PaneDescription) -> Result<(), String> {
         return Err(format!("it is too narrow: {:.1} mm are left of it in its frame", 1000.0 * short.max(0.0)));
     }
     if long > most {
-        return Err(format!("it measures {long:.2} m, and panes at most {most} m: does the file count in metres?"));
+        return Err(format!(
+            "it measures {long:.2} m, and panes at most {most} m: is the file in centimetres (--unit cm)?"
+        ));
     }
     Ok(())
 }
