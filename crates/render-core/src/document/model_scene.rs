@@ -142,6 +142,8 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
             if walls.meshes.is_empty() {
                 walls.meshes.clone_from(&expanded.meshes);
             }
+            let kept: BTreeSet<&str> = walls.meshes.iter().map(|mesh| mesh.name.as_str()).collect();
+            walls.lights.retain(|light| light.mesh().is_none_or(|mesh| kept.contains(mesh)));
             if walls.meshes.is_empty() {
                 assumptions.push("The file has no camera, and no surface that one could look at".to_owned());
             } else {
@@ -292,6 +294,19 @@ mod tests {
         let path = folder.path().join("hall.gltf");
         std::fs::write(&path, file.to_string()).unwrap();
         scene_around(&path, &ModelOptions::default()).unwrap().bundle.description().lights.clone()
+    }
+
+    #[test]
+    fn glass_that_shines_is_no_wall_for_the_camera_and_no_fault() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lamp.obj");
+        let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 0 2\nv 1 0 2\nv 1 1 2\nusemtl stone\nf 1 2 3\n\
+                    usemtl shade\nf 4 5 6\n";
+        std::fs::write(&path, text).unwrap();
+        std::fs::write(folder.path().join("a.mtl"), "newmtl stone\nnewmtl shade\nd 0.2\nNi 1.5\nKe 1 2 3\n").unwrap();
+        let model = scene_around(&path, &ModelOptions::default()).unwrap();
+        assert_eq!(model.expansion.lights.len(), 1);
+        assert!(model.bundle.build_scene().unwrap().lights().iter().any(|light| light.triangles().is_some()));
     }
 
     #[test]
