@@ -146,11 +146,6 @@ impl Thing {
         [&self.name].into_iter().chain(&self.mesh).chain(&self.material_in_file)
     }
 
-    /// Whether a pattern fits one of its names, or what is written on it.
-    fn fits(&self, pattern: &str) -> bool {
-        self.names().chain(&self.tags).any(|name| matches(pattern, name))
-    }
-
     /// Whether its material is that of a window.
     fn is_glass(&self) -> bool {
         self.is_transparent || self.material_in_file.as_deref().is_some_and(is_called_window)
@@ -170,6 +165,37 @@ impl Thing {
     }
 }
 
+/// The patterns of rules. Most are plain names, which are looked up: a file may have a rule for each of its windows.
+struct Patterns<'a> {
+    /// Plain names, with the first rule that has each.
+    names: BTreeMap<&'a str, usize>,
+    /// The others, in their order.
+    patterns: Vec<(usize, &'a str)>,
+}
+
+impl<'a> Patterns<'a> {
+    fn new(rules: impl Iterator<Item = &'a String>) -> Self {
+        let (mut names, mut patterns) = (BTreeMap::new(), Vec::new());
+        for (index, pattern) in rules.enumerate() {
+            if pattern.contains('*') {
+                patterns.push((index, pattern.as_str()));
+            } else {
+                names.entry(pattern.as_str()).or_insert(index);
+            }
+        }
+        Self { names, patterns }
+    }
+
+    /// The first rule that fits one of the names of a thing, or what is written on it.
+    fn first(&self, thing: &Thing) -> Option<usize> {
+        let names = || thing.names().chain(&thing.tags);
+        let plain = names().filter_map(|name| self.names.get(name.as_str()).copied()).min();
+        let fits = |(_, pattern): &&(usize, &str)| names().any(|name| matches(pattern, name));
+        let pattern = self.patterns.iter().find(fits).map(|(index, _)| *index);
+        plain.into_iter().chain(pattern).min()
+    }
+}
+
 /// What a file adds to a scene, thing by thing.
 pub(super) struct Assembly<'a> {
     import: &'a ImportDescription,
@@ -177,6 +203,8 @@ pub(super) struct Assembly<'a> {
     pub(super) expansion: Expansion,
     names: Names,
     windows: Windows,
+    materials: Patterns<'a>,
+    glaze: Patterns<'a>,
     /// The rules that have fitted something: of materials, and of glazing.
     used: [BTreeSet<usize>; 2],
 }
@@ -184,8 +212,15 @@ pub(super) struct Assembly<'a> {
 impl<'a> Assembly<'a> {
     /// Nothing yet.
     pub(super) fn new(import: &'a ImportDescription) -> Self {
-        let (expansion, names, windows) = (Expansion::default(), Names::default(), Windows::default());
-        Self { import, expansion, names, windows, used: <[BTreeSet<usize>; 2]>::default() }
+        Self {
+            import,
+            expansion: Expansion::default(),
+            names: Names::default(),
+            windows: Windows::default(),
+            materials: Patterns::new(import.materials.iter().map(|rule| &rule.pattern)),
+            glaze: Patterns::new(import.glaze.iter().map(|rule| &rule.pattern)),
+            used: <[BTreeSet<usize>; 2]>::default(),
+        }
     }
 
     /// The name of a thing of the file in the scene.
@@ -212,7 +247,7 @@ impl<'a> Assembly<'a> {
             self.expansion.notes.push(format!("{}: it emits no light, since it has no area", thing.name));
             thing.emission = None;
         }
-        let index = self.import.glaze.iter().position(|rule| thing.fits(&rule.pattern));
+        let index = self.glaze.first(&thing);
         self.used[1].extend(index);
         let Some(rule) = index.map(|index| &self.import.glaze[index]).or(thing.pane.as_ref()).cloned() else {
             self.note_window(&thing, &mut corners)?;
@@ -264,7 +299,7 @@ impl<'a> Assembly<'a> {
             let fits = pieces.iter().filter_map(|piece| piece.fit.as_ref().ok());
             let fits: Vec<&PaneFit> = fits.filter(|fit| fit.size[0].max(fit.size[1]) <= PANE_EDGES[1]).collect();
             if let Some(first) = fits.first() {
-                let has_rule = self.import.materials.iter().any(|rule| thing.fits(&rule.pattern));
+                let has_rule = self.materials.first(thing).is_some();
                 let material = self.expansion.materials.get(&thing.material).filter(|_| !has_rule);
                 let thickness = first.thickness.unwrap_or(FLAT_THICKNESS);
                 self.windows.add(Candidate {
@@ -287,7 +322,7 @@ impl<'a> Assembly<'a> {
     /// place.
     fn add_mesh(&mut self, thing: Thing) {
         let name = self.name(&thing.name);
-        let index = self.import.materials.iter().position(|rule| thing.fits(&rule.pattern));
+        let index = self.materials.first(&thing);
         self.used[0].extend(index);
         if index.is_none()
             && self.import.lights

@@ -143,3 +143,19 @@ fn a_file_of_very_many_things_of_one_name_is_read_at_once_and_of_more_is_refused
     let error = of((1 << 17) + 1).unwrap_err().to_string();
     assert!(error.contains("131072"), "{error}");
 }
+
+#[test]
+fn of_names_and_patterns_the_first_rule_counts() {
+    let material = |rules: [&str; 2]| {
+        let [first, second] = rules;
+        let rules = json!({"materials": [
+            {"match": first, "material": "plaster"}, {"match": second, "material": "oak"}
+        ]});
+        let assets = file(|builder| builder.json["nodes"][0]["name"] = json!("Door"));
+        expanded(rules, &assets).meshes[0].material.clone()
+    };
+    for rules in [["Door", "D*"], ["D*", "Door"], ["Door", "Door"], ["D*", "*"]] {
+        assert_eq!(material(rules), "plaster", "{rules:?}");
+    }
+    assert_eq!([material(["Gate", "D*"]), material(["G*", "Door"])], ["oak"; 2]);
+}
