@@ -170,7 +170,7 @@ impl<'a> ThroughPane<'a> {
             Search::Walk { constraint, steps } => {
                 let search = ManifoldSearch::new(scene, point, sample.source, self.pane, constraint, steps);
                 Box::new(move |random, counters| {
-                    let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
+                    let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size();
                     let height = pane.base_height(near) + pane.surface(near).height(place);
                     let target = pane.frame.point_to_world(place.extend(height));
                     let entry = search.as_ref()?.walk_towards(target, counters)?;

@@ -33,7 +33,7 @@ fn tessellated(pane: &Pane, cells: u32) -> Vec<u8> {
         let sign = if face == Face::Back { 1.0 } else { -1.0 };
         for row in 0..=cells {
             for column in 0..=cells {
-                let place = (DVec2::new(f64::from(column), f64::from(row)) / f64::from(cells) - 0.5) * pane.size;
+                let place = (DVec2::new(f64::from(column), f64::from(row)) / f64::from(cells) - 0.5) * pane.size();
                 let jet = pane.surface(face).jet(place);
                 let local = place.extend(pane.base_height(face) + jet.height);
                 let normal = DVec3::new(-jet.gradient.x, -jet.gradient.y, 1.0) * sign;

@@ -276,7 +276,7 @@ impl Connections {
         let panes = self.scene.scene().panes();
         let index = (random.uniform() * panes.len() as f64) as usize;
         let pane = &panes[index];
-        let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size * WIDER;
+        let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size() * WIDER;
         let through = pane.frame.point_to_world(place.extend(0.0));
         let direction = match source {
             Source::Point(position) => (through - position).normalize(),

@@ -263,7 +263,7 @@ struct Basins<'a> {
 
 impl Basins<'_> {
     fn outline(&self) -> Rect {
-        self.problem.scene.scene().panes()[self.problem.pane as usize].outline()
+        *self.problem.scene.scene().panes()[self.problem.pane as usize].outline.bounds()
     }
 
     /// A square around the paths, no larger than the pane.
@@ -301,7 +301,7 @@ impl Basins<'_> {
         let candidate = Candidate { point: *point, sample: *sample, pane: *pane };
         let (side, origin, source) = local(scene, &candidate)?;
         let connection = Connection::new(&side, origin, source);
-        let region = SearchRegion::around(&side.pane.outline(), side.pane.thickness);
+        let region = SearchRegion::around(side.pane.outline.bounds(), side.pane.thickness);
         match self.solver {
             Solver::Complete => solve_complete(&connection, [place; 2], &region, counters).map(|root| root.theta[0]),
             Solver::Published => solve_published(&connection, [place; 2], &region, counters).map(|root| root.theta[0]),

@@ -39,15 +39,15 @@ impl Tessellation {
         if !(tolerance > 0.0 && tolerance <= largest) {
             return refused(format!("more than 0 and at most {largest} m, a twentieth of its thickness,"));
         }
-        let bounds = [Face::Front, Face::Back].map(|face| *pane.surface(face).all_bounds());
+        let bounds = [Face::Front, Face::Back].map(|face| *pane.bounds(face));
         let mut cells = [0, 2].map(|axis| {
             let steepest = bounds.iter().map(|bounds| bounds.hessian[axis].magnitude()).fold(0.0, f64::max);
             // A leg of this length alone makes half of the tolerance.
-            pane.size[axis / 2] * (steepest / (2.0 * tolerance)).sqrt()
+            pane.size()[axis / 2] * (steepest / (2.0 * tolerance)).sqrt()
         });
         loop {
             let whole = cells.map(|cells: f64| cells.ceil().max(1.0));
-            let error = bounds.iter().map(|bounds| error(bounds, pane.size / DVec2::from(whole))).fold(0.0, f64::max);
+            let error = bounds.iter().map(|bounds| error(bounds, pane.size() / DVec2::from(whole))).fold(0.0, f64::max);
             if whole.iter().any(|cells| *cells > f64::from(MOST_CELLS)) {
                 let [columns, rows] = whole;
                 let most = format!("at most {MOST_CELLS} along an edge");
@@ -68,11 +68,17 @@ impl Tessellation {
         for face in [Face::Front, Face::Back] {
             for row in 0..self.cells[1] {
                 for column in 0..self.cells[0] {
-                    let [a, b, c, d] = [[0, 0], [1, 0], [1, 1], [0, 1]]
-                        .map(|[x, y]| self.corner(pane, face, [column + x, row + y], origin));
-                    for [first, second, third] in [[a, b, c], [a, c, d]] {
-                        // Counterclockwise from the air.
-                        mesh.add(if face == Face::Back { [first, second, third] } else { [first, third, second] });
+                    let [a, b, c, d] =
+                        [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[x, y]| self.place(pane, [column + x, row + y]));
+                    for triangle in [[a, b, c], [a, c, d]] {
+                        let left = pane.outline.clipped(&triangle);
+                        let corners: Vec<Corner> =
+                            left.iter().map(|place| corner(pane, face, *place, origin)).collect();
+                        for pair in corners.get(1..).unwrap_or_default().windows(2) {
+                            let [first, second, third] = [corners[0], pair[0], pair[1]];
+                            // Counterclockwise from the air.
+                            mesh.add(if face == Face::Back { [first, second, third] } else { [first, third, second] });
+                        }
                     }
                 }
             }
@@ -83,14 +89,19 @@ impl Tessellation {
     /// The edge of a pane, seen from an origin: the walls between the borders of the faces.
     pub(crate) fn edge(&self, pane: &Pane, origin: DVec3) -> PlyMesh {
         let mut mesh = PlyMesh::new(false, false);
-        let [columns, rows] = self.cells;
-        let bottom = (0..columns).map(|column| [column, 0]);
-        let right = (0..rows).map(|row| [columns, row]);
-        let top = (1..=columns).rev().map(|column| [column, rows]);
-        let left = (1..=rows).rev().map(|row| [0, row]);
-        let border: Vec<[u32; 2]> = bottom.chain(right).chain(top).chain(left).collect();
+        let corners = pane.outline.corners();
+        let cell = pane.size() / DVec2::new(f64::from(self.cells[0]), f64::from(self.cells[1]));
+        let border: Vec<DVec2> = corners
+            .iter()
+            .zip(corners.iter().cycle().skip(1))
+            .flat_map(|(from, to)| {
+                // As many parts as the side crosses cells, along the axis on which these are more.
+                let parts = ((*to - *from).abs() / cell - 1e-9).max_element().ceil().max(1.0);
+                (0..parts as u32).map(move |part| from.lerp(*to, f64::from(part) / parts))
+            })
+            .collect();
         for (place, next) in border.iter().zip(border.iter().cycle().skip(1)) {
-            let corner = |face, place: &[u32; 2]| Corner { normal: None, ..self.corner(pane, face, *place, origin) };
+            let corner = |face, place: &DVec2| Corner { normal: None, ..corner(pane, face, *place, origin) };
             let (a, b) = (corner(Face::Front, place), corner(Face::Front, next));
             let (c, d) = (corner(Face::Back, next), corner(Face::Back, place));
             mesh.add([a, b, c]);
@@ -99,19 +110,24 @@ impl Tessellation {
         mesh
     }
 
-    /// A corner of the grid on a face.
-    fn corner(&self, pane: &Pane, face: Face, [column, row]: [u32; 2], origin: DVec3) -> Corner {
-        let part = |number: u32, of: u32| f64::from(number) / f64::from(of) - 0.5;
-        let place = DVec2::new(part(column, self.cells[0]), part(row, self.cells[1])) * pane.size;
-        let jet = pane.surface(face).jet(place);
-        let local = place.extend(pane.base_height(face) + jet.height);
-        let upwards = DVec3::new(-jet.gradient.x, -jet.gradient.y, 1.0).normalize();
-        let outwards = if face == Face::Back { upwards } else { -upwards };
-        Corner {
-            position: pane.frame.point_to_world(local) - origin,
-            normal: Some(pane.frame.vector_to_world(outwards)),
-            texture: None,
-        }
+    /// A place of the grid.
+    fn place(&self, pane: &Pane, [column, row]: [u32; 2]) -> DVec2 {
+        let part = DVec2::new(f64::from(column) / f64::from(self.cells[0]), f64::from(row) / f64::from(self.cells[1]));
+        let bounds = pane.outline.bounds();
+        bounds.min.lerp(bounds.max, part.x).with_y(bounds.min.lerp(bounds.max, part.y).y)
+    }
+}
+
+/// A place on a face.
+fn corner(pane: &Pane, face: Face, place: DVec2, origin: DVec3) -> Corner {
+    let jet = pane.surface(face).jet(place);
+    let local = place.extend(pane.base_height(face) + jet.height);
+    let upwards = DVec3::new(-jet.gradient.x, -jet.gradient.y, 1.0).normalize();
+    let outwards = if face == Face::Back { upwards } else { -upwards };
+    Corner {
+        position: pane.frame.point_to_world(local) - origin,
+        normal: Some(pane.frame.vector_to_world(outwards)),
+        texture: None,
     }
 }
 
@@ -125,7 +141,9 @@ fn error(bounds: &JetBounds, legs: DVec2) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_render_core::geometry::{Frame, HeightField};
+    use std::sync::Arc;
+
+    use clerestory_render_core::geometry::{Frame, HeightField, Outline, PaneParts};
 
     use super::*;
 
@@ -137,7 +155,9 @@ mod tests {
             HeightField::new((0..12 * 9).map(value).collect(), 12, 9, size).unwrap()
         };
         let frame = Frame::new(DVec3::new(2.0, -1.0, 3.0), DVec3::Y, DVec3::Z);
-        Pane::new("pane".into(), frame, size, 0.004, 1.5, DVec3::ZERO, field(0), field(11)).unwrap()
+        let (outline, faces) = (Outline::centred(size), [Arc::new(field(0)), Arc::new(field(11))]);
+        let (name, thickness, index_of_refraction, absorption) = ("pane".into(), 0.004, 1.5, DVec3::ZERO);
+        Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces }).unwrap()
     }
 
     #[test]
@@ -157,7 +177,7 @@ mod tests {
                     let height = |[i, j]: [f64; 2]| {
                         let at = [f64::from(cell % columns) + i, f64::from(cell / columns) + j];
                         let part = DVec2::from(at) / DVec2::new(f64::from(columns), f64::from(rows));
-                        pane.surface(face).height((part - 0.5) * pane.size)
+                        pane.surface(face).height((part - 0.5) * pane.size())
                     };
                     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]].map(height);
                     let linear = corners[0] * (1.0 - x) + corners[1] * (x - y) + corners[2] * y;

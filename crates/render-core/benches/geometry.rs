@@ -3,9 +3,12 @@
 //! `cargo bench -p clerestory-render-core --bench geometry`
 
 use std::hint::black_box;
+use std::sync::Arc;
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::geometry::{Accelerator, Face, Frame, HeightField, Pane, PaneBoundary, Ray, SurfaceId};
+use clerestory_render_core::geometry::{
+    Accelerator, Face, Frame, HeightField, Outline, Pane, PaneBoundary, PaneParts, Ray, SurfaceId,
+};
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use glam::{DVec2, DVec3, dvec2};
@@ -39,7 +42,16 @@ fn field() -> HeightField {
 
 fn pane(frame: Frame) -> Pane {
     let back = HeightField::flat(SIZE).expect("the size is positive");
-    Pane::new("pane".into(), frame, SIZE, 0.004, 1.5, DVec3::ZERO, field(), back).expect("the glass is thick enough")
+    let parts = PaneParts {
+        name: "pane".into(),
+        frame,
+        outline: Outline::centred(SIZE),
+        thickness: 0.004,
+        index_of_refraction: 1.5,
+        absorption: DVec3::ZERO,
+        faces: [Arc::new(field()), Arc::new(back)],
+    };
+    Pane::new(parts).expect("the glass is thick enough")
 }
 
 fn local_pane() -> Pane {

@@ -150,7 +150,7 @@ fn hits(scene: &PreparedScene, point: &ShadingPoint, path: &FoundPath) -> u32 {
     };
     let mut random = Random::new(29, 0);
     let mut is_hit = || {
-        let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
+        let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size();
         let height = pane.base_height(face) + pane.surface(face).height(place);
         let entry = search.walk_towards(pane.frame.point_to_world(place.extend(height)), &mut Counters::default());
         entry.is_some_and(|entry| path.is_in_direction(point, (entry - point.position).normalize()))
@@ -197,7 +197,7 @@ fn paths_of_list(scene: &PreparedScene, point: &ShadingPoint, listed: &ListedPoi
     let found = listed_paths(scene.scene(), point, 0, &sample, &mut Counters::default());
     let pane = &scene.scene().panes()[0];
     let place = |path: &FoundPath, link: usize| {
-        pane.frame.point_to_local(path.links[link].position).truncate() / pane.size + 0.5
+        pane.frame.point_to_local(path.links[link].position).truncate() / pane.size() + 0.5
     };
     let is_near = |place: DVec2, listed: [f64; 2]| (place - DVec2::from(listed)).length() <= SAME_PLACE;
     let of_solution = |[front, back]: [[f64; 2]; 2]| {
@@ -274,7 +274,7 @@ fn point_in_shadow(bench: &PaneScene, scene: &PreparedScene, source: Source, ind
         let axis = usize::from(random.uniform() < 0.5);
         place[axis] = (0.5 + BORDER * (random.uniform() - 0.5)).copysign(place[axis]);
     }
-    let through = pane.frame.point_to_world((place * pane.size).extend(0.0));
+    let through = pane.frame.point_to_world((place * pane.size()).extend(0.0));
     let direction = match source {
         Source::Point(place) => through - place,
         Source::Direction(direction) => -direction,
@@ -337,7 +337,7 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
             let mut random = Random::new(41, 0);
             let (mut paths, mut arrivals) = (0, 0);
             for index in 0..2000 {
-                let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
+                let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size();
                 let height = pane.surface(Face::Front).height(place);
                 let position = pane.frame.point_to_world(place.extend(0.5 * (lowest + height)));
                 let point = ShadingPoint { position, normal: DVec3::Z, surface: SurfaceId::Nothing, bounces: 0 };

@@ -327,7 +327,7 @@ impl<'a> Glass<'a> {
     fn is_regular(&self, origin: DVec3, roots: &[Root], cells: u32) -> bool {
         let index = self.pane.index_of_refraction;
         let connection = Connection::new(&self.side(origin), origin, self.source);
-        let square = self.pane.size / f64::from(cells);
+        let square = self.pane.size() / f64::from(cells);
         let diagonals = [square, square * DVec2::new(1.0, -1.0)];
         // Of the slopes in the middle of a square, between its corners.
         let slope_error = |face: Face, place: DVec2| {
@@ -379,7 +379,7 @@ fn known_points(case: &str, original: &PreparedScene) -> Vec<KnownPoint> {
         // The lists are independent of the renderer, and precise enough for the light, but not for directions.
         assert_eq!(roots.len(), listed.solutions.len(), "{case}: {position}");
         let path = |root: &Root| {
-            let place = root.theta[0] / glass.pane.size + 0.5;
+            let place = root.theta[0] / glass.pane.size() + 0.5;
             let far = |path: &ListedSolution| (DVec2::from(path.front_uv) - place).length();
             let nearest = listed.solutions.iter().min_by(|a, b| far(a).total_cmp(&far(b))).expect("as many");
             Path { direction: frame.vector_to_world(root.path.directions[0]), light: nearest.irradiance }

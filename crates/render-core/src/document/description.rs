@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::marker::PhantomData;
 
 use schemars::JsonSchema;
 use serde::de::{Error as _, MapAccess, Visitor};
@@ -12,6 +13,7 @@ use crate::light::LightDescription;
 use crate::scene::SceneParts;
 use crate::scene::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
 use crate::scene::import::ImportDescription;
+use crate::scene::sheet::SheetDescription;
 use crate::specular::registry::IntegratorDescription;
 
 /// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
@@ -51,9 +53,12 @@ pub struct SceneDescription {
     /// Files of other programs, whose meshes, materials and lights are in the scene.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub imports: Vec<ImportDescription>,
-    /// Window panes, at most 4096.
+    /// Sheets of glass by name, from which panes are cut.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "sheets_with_unique_names")]
+    pub sheets: BTreeMap<String, SheetDescription>,
+    /// Window panes, at most 131072.
     #[serde(default)]
-    #[schemars(length(max = 4096))]
+    #[schemars(length(max = 131_072))]
     pub panes: Vec<PaneDescription>,
     /// Lights, at most 4096.
     #[serde(default)]
@@ -89,36 +94,46 @@ impl SceneDescription {
             materials: &self.materials,
             meshes: &self.meshes,
             imports: &self.imports,
+            sheets: &self.sheets,
             panes: &self.panes,
             lights: &self.lights,
         }
     }
 }
 
-/// Reads a map of materials. A name that stands there twice is an error; a plain map would keep the last.
 fn materials_with_unique_names<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<BTreeMap<String, MaterialDescription>, D::Error> {
-    struct Materials;
+    deserializer.deserialize_map(ByName { thing: "material", things: PhantomData })
+}
 
-    impl<'de> Visitor<'de> for Materials {
-        type Value = BTreeMap<String, MaterialDescription>;
+fn sheets_with_unique_names<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, SheetDescription>, D::Error> {
+    deserializer.deserialize_map(ByName { thing: "sheet", things: PhantomData })
+}
 
-        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-            formatter.write_str("an object of materials by name")
-        }
+/// Reads a map of things by name. A name that stands there twice is an error; a plain map would keep the last.
+struct ByName<T> {
+    thing: &'static str,
+    things: PhantomData<T>,
+}
 
-        fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Self::Value, A::Error> {
-            let mut materials = BTreeMap::new();
-            while let Some((name, material)) = members.next_entry()? {
-                if materials.contains_key(&name) {
-                    return Err(A::Error::custom(format_args!("duplicate material `{name}`")));
-                }
-                materials.insert(name, material);
-            }
-            Ok(materials)
-        }
+impl<'de, T: Deserialize<'de>> Visitor<'de> for ByName<T> {
+    type Value = BTreeMap<String, T>;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "an object of {}s by name", self.thing)
     }
 
-    deserializer.deserialize_map(Materials)
+    fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Self::Value, A::Error> {
+        let mut things = BTreeMap::new();
+        while let Some((name, thing)) = members.next_entry()? {
+            if things.contains_key(&name) {
+                return Err(A::Error::custom(format_args!("duplicate {} `{name}`", self.thing)));
+            }
+            things.insert(name, thing);
+        }
+        Ok(things)
+    }
 }

@@ -19,11 +19,13 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 use thiserror::Error;
 
+use super::boxes::BoxIndex;
+use super::contact::{NOWHERE, join};
 use super::coverage::{Coverage, Parts};
 use super::hierarchy::{Hierarchy, MOST_LEVELS};
 use super::sheet::Sheet;
 use super::triangle::{ShearedRay, coplanar};
-use super::{Face, Pane, PaneHit, Ray, SurfaceId};
+use super::{Face, HalfPlane, Pane, PaneHit, Ray, SurfaceId};
 use clerestory_film::counters::Counters;
 
 /// Why there can be no hierarchy over a scene.
@@ -212,7 +214,7 @@ impl Accelerator {
         }
         primitives.extend((next..corners.len() as u32).map(triangle));
         primitives.extend((0..).zip(&panes).map(|(index, pane)| (Primitive::Pane { index }, pane.world_bounds())));
-        let pierced = panes.iter().map(|pane| corners.iter().any(|triangle| reaches_into(triangle, pane))).collect();
+        let pierced = pierced(&panes, &corners);
         let everything = Sorted::over(primitives)?;
         Ok(Self { panes: panes.into(), pierced, everything, sheets, corners, coverage: None })
     }
@@ -519,13 +521,30 @@ fn in_range(p: DVec3) -> bool {
     p.is_finite() && p.abs().max_element() < 1e100
 }
 
-/// Whether the box around a triangle, in the pane's frame, overlaps the box around its glass.
+/// Which panes a triangle may reach into.
+fn pierced(panes: &[Pane], corners: &[[DVec3; 3]]) -> Vec<bool> {
+    let mut pierced = vec![false; panes.len()];
+    let around = BoxIndex::over(panes.iter().map(Pane::world_bounds).collect());
+    for triangle in corners {
+        let bounds = triangle.iter().fold(NOWHERE, |bounds, corner| join(bounds, [*corner, *corner]));
+        around.overlapping(&bounds, |index| {
+            let index = index as usize;
+            pierced[index] = pierced[index] || reaches_into(triangle, &panes[index]);
+            true
+        });
+    }
+    pierced
+}
+
+/// Whether no side of the box around the glass and no edge of its outline separates a triangle from it.
 fn reaches_into(triangle: &[DVec3; 3], pane: &Pane) -> bool {
-    let [a, b, c] = triangle.map(|corner| pane.frame.point_to_local(corner));
+    let corners = triangle.map(|corner| pane.frame.point_to_local(corner));
+    let [a, b, c] = corners;
     let (min, max) = (a.min(b).min(c), a.max(b).max(c));
     let [low, high] = pane.local_bounds();
     let slack = 64.0 * f64::EPSILON * (min.abs().max(max.abs()).max_element() + pane.frame.origin.abs().max_element());
-    (min - slack).cmple(high).all() && (max + slack).cmpge(low).all()
+    let is_beyond = |cut: &HalfPlane| corners.iter().all(|corner| cut.distance(corner.truncate()) < -slack);
+    (min - slack).cmple(high).all() && (max + slack).cmpge(low).all() && !pane.outline.cuts().iter().any(is_beyond)
 }
 
 fn to_local(pane: &Pane, ray: &Ray) -> Ray {

@@ -11,7 +11,8 @@ use std::collections::VecDeque;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{HeightField, Pane};
+use super::outline::{Outline, prism};
+use super::{HeightField, Pane, Ray};
 use crate::math::{Interval, Rect};
 
 /// Panes and shapes may overlap by this much at their borders, metres: decimal numbers round, and a strip this narrow
@@ -59,10 +60,9 @@ impl Shape<'_> {
     fn extent(&self, axis: DVec3) -> Interval {
         match *self {
             Self::Pane(pane) => {
-                let [min, max] = pane.local_bounds();
-                let middle = pane.frame.point_to_world(0.5 * (min + max)).dot(axis);
-                let half = pane.frame.vector_to_local(axis).abs().dot(0.5 * (max - min));
-                Interval::new(middle - half, middle + half)
+                let local = pane.frame.vector_to_local(axis);
+                let (across, depth) = (pane.outline.extent(local.truncate()), pane.depth() * Interval::point(local.z));
+                across + depth + Interval::point(pane.frame.origin.dot(axis))
             }
             Self::Polygon(corners) => {
                 corners.iter().map(|corner| Interval::point(corner.dot(axis))).fold(Interval::EMPTY, Interval::union)
@@ -79,8 +79,13 @@ pub(crate) fn contact(pane: &Pane, shape: &Shape<'_>, budget: &mut u32) -> Optio
     if !overlap(&pane.world_bounds(), &shape.bounds()) {
         return None;
     }
-    let glass = Glass::new(pane, shape);
-    let obstacle = Obstacle::new(pane, shape, &glass);
+    if let Shape::Pane(other) = shape
+        && are_side_by_side(pane, other)
+    {
+        return None;
+    }
+    let glass = Glass::new(pane, shape)?;
+    let obstacle = Obstacle::new(pane, shape, &glass)?;
     let granted = (*budget).min(MOST_PARTS);
     let mut left = granted;
     let found = obstacle.search(&glass, &mut left);
@@ -117,15 +122,31 @@ pub(crate) fn join(a: [DVec3; 2], b: [DVec3; 2]) -> [DVec3; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }
 
+/// Whether an edge of one of two panes shows that they overlap by no more than [`RIM`]: as pieces do that were cut from
+/// one sheet.
+fn are_side_by_side(one: &Pane, other: &Pane) -> bool {
+    let edges = |pane: &Pane| {
+        let corners = pane.outline.corners();
+        let sides = corners.iter().zip(corners.iter().cycle().skip(1)).map(|(from, to)| (*to - *from).perp());
+        let axes = sides.map(|side| pane.frame.vector_to_world(side.normalize().extend(0.0)));
+        axes.collect::<Vec<DVec3>>()
+    };
+    edges(one).into_iter().chain(edges(other)).any(|axis| {
+        let (one, other) = (Shape::Pane(one).extent(axis), Shape::Pane(other).extent(axis));
+        one.max - other.min <= RIM || other.max - one.min <= RIM
+    })
+}
+
 /// The glass of a pane without its rim, with faces as thick as rounding errors, in the pane's frame.
 struct Glass<'a> {
     pane: &'a Pane,
-    outline: Rect,
+    outline: Outline,
     skin: f64,
 }
 
 impl<'a> Glass<'a> {
-    fn new(pane: &'a Pane, shape: &Shape<'_>) -> Self {
+    /// `None` where the rim is all there is.
+    fn new(pane: &'a Pane, shape: &Shape<'_>) -> Option<Self> {
         let [min, max] = pane.world_bounds();
         let mut largest = min.abs().max(max.abs()).max_element();
         if let Shape::Pane(other) = shape {
@@ -134,7 +155,7 @@ impl<'a> Glass<'a> {
         }
         // A point has no rim: a camera at the very border of a pane sees its black edge.
         let rim = if matches!(shape, Shape::Ball { .. }) { 0.0 } else { RIM };
-        Self { pane, outline: pane.outline().grown(-rim), skin: ROUNDING * largest }
+        Some(Self { pane, outline: pane.outline.without_rim(rim)?, skin: ROUNDING * largest })
     }
 
     /// Bounds of z over a part of the pane.
@@ -185,11 +206,12 @@ enum Obstacle<'a> {
 }
 
 impl<'a> Obstacle<'a> {
-    fn new(pane: &Pane, shape: &Shape<'a>, glass: &Glass<'_>) -> Self {
+    /// `None` where the rim of the other pane is all there is.
+    fn new(pane: &Pane, shape: &Shape<'a>, glass: &Glass<'_>) -> Option<Self> {
         let frame = &pane.frame;
-        match *shape {
+        Some(match *shape {
             Shape::Pane(other) => Self::Pane(OtherPane {
-                glass: Glass { pane: other, outline: other.outline().grown(-RIM), skin: glass.skin },
+                glass: Glass { pane: other, outline: other.outline.without_rim(RIM)?, skin: glass.skin },
                 origin: frame.point_to_local(other.frame.origin),
                 axes: frame.axes.transpose() * other.frame.axes,
             }),
@@ -200,13 +222,14 @@ impl<'a> Obstacle<'a> {
             Shape::Ball { centre, radius } => {
                 Self::Ball { centre: frame.point_to_local(centre), radius: (radius - RIM).max(0.0) }
             }
-        }
+        })
     }
 
     /// Looks at large parts first, so that one which hides something small does not use up the budget.
     fn search(&self, glass: &Glass<'_>, budget: &mut u32) -> Option<DVec3> {
-        let mut parts = VecDeque::from([glass.outline.intersection(&self.footprint())]);
+        let mut parts = VecDeque::from([self.footprint()]);
         while let Some(part) = parts.pop_front() {
+            let part = glass.outline.narrowed(&part);
             if part.is_empty() {
                 continue;
             }
@@ -224,11 +247,10 @@ impl<'a> Obstacle<'a> {
     fn footprint(&self) -> Rect {
         let [min, max] = match self {
             Self::Pane(other) => {
-                let [min, max] = other.glass.pane.local_bounds();
-                let (middle, half) = (other.origin + other.axes * (0.5 * (min + max)), 0.5 * (max - min));
-                let reach = other.axes.transpose();
-                let reach = DVec3::from_array([0, 1, 2].map(|axis| reach.col(axis).abs().dot(half))) + other.glass.skin;
-                [middle - reach, middle + reach]
+                let depth = other.glass.pane.depth();
+                let corners = prism(&other.glass.outline, depth).map(|corner| other.origin + other.axes * corner);
+                let [min, max] = corners.fold(NOWHERE, |bounds, corner| join(bounds, [corner, corner]));
+                [min - other.glass.skin, max + other.glass.skin]
             }
             Self::Polygon(polygon) => Shape::Polygon(&polygon.corners).bounds(),
             Self::Ball { centre, radius } => [*centre - *radius, *centre + *radius],
@@ -269,7 +291,7 @@ impl OtherPane<'_> {
         let centre = self.to_own(column.centre);
         let reach = DVec3::from_array([0, 1, 2].map(|axis| self.axes.col(axis).abs().dot(column.half)));
         let beneath = Rect::new((centre - reach).truncate(), (centre + reach).truncate());
-        let beneath = beneath.intersection(&self.glass.outline);
+        let beneath = self.glass.outline.narrowed(&beneath);
         if beneath.is_empty() {
             return Meeting::Apart;
         }
@@ -292,17 +314,7 @@ impl OtherPane<'_> {
     /// A place in the glass on the segment between two points in its own frame, from 0 to 1.
     fn on_segment(&self, [from, to]: [DVec3; 2]) -> Option<f64> {
         let way = to - from;
-        let outline = &self.glass.outline;
-        let mut within = Interval::new(0.0, 1.0);
-        for axis in 0..2 {
-            let (low, high) = (outline.min[axis] - from[axis], outline.max[axis] - from[axis]);
-            if way[axis] != 0.0 {
-                let (a, b) = (low / way[axis], high / way[axis]);
-                within = within.intersection(Interval::new(a.min(b), a.max(b)));
-            } else if low > 0.0 || high < 0.0 {
-                return None;
-            }
-        }
+        let within = self.glass.outline.stretch(&Ray::new(from, way)).intersection(Interval::new(0.0, 1.0));
         if within.is_empty() {
             return None;
         }

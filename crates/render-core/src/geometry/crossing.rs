@@ -15,7 +15,7 @@
 
 use glam::{DVec2, DVec3, dvec2};
 
-use super::{HeightField, Ray, SurfaceJet};
+use super::{HeightField, JetBounds, Ray, SurfaceJet};
 use crate::math::bernstein::first_descent;
 use crate::math::{Interval, Rect};
 use clerestory_film::counters::Counters;
@@ -63,9 +63,12 @@ pub(crate) struct Crossing {
 
 impl HeightField {
     /// The first point within `range` at which `ray`, on the given side of the surface `z = base + h(x, y)` to begin
-    /// with, changes to the other side. With [`Start::OnSurface`] the range must start at 0.
+    /// with, changes to the other side. With [`Start::OnSurface`] the range must start at 0. `bounds` hold wherever the
+    /// ray is within the range.
+    #[expect(clippy::too_many_arguments, reason = "the ray, the surface, and what is known of both")]
     pub(crate) fn first_crossing(
         &self,
+        bounds: &JetBounds,
         base: f64,
         ray: &Ray,
         range: Interval,
@@ -82,13 +85,13 @@ impl HeightField {
         };
         let origin = ray.origin - DVec3::new(0.0, 0.0, base);
         let mut path = Path { field: self, origin, direction: ray.direction, sign };
-        let trend = path.trend(self.all_bounds().gradient);
+        let trend = path.trend(bounds.gradient);
         let on_surface = start == Start::OnSurface;
         if on_surface && matches!(trend, Trend::Away) {
             return None;
         }
         let whole = Stretch { from: range.min, to: range.max, on_surface, crossed: false };
-        let stretch = path.clipped(&whole, self.all_bounds().height)?;
+        let stretch = path.clipped(&whole, bounds.height)?;
         // Measured from where it may first meet the surface, the ray keeps all its digits for the short way that is
         // left.
         let shift = stretch.from;
@@ -355,7 +358,7 @@ mod tests {
     /// Compares the crossing with the signs of the height at many points of the range.
     fn check(field: &HeightField, ray: &Ray, end: f64, side: Side, start: Start) -> Result<(), TestCaseError> {
         let range = Interval::new(0.0, end);
-        let found = field.first_crossing(0.0, ray, range, side, start, &mut Counters::default());
+        let found = field.first_crossing(field.all_bounds(), 0.0, ray, range, side, start, &mut Counters::default());
         // Rounding of the ray's points, which are at most 1 m away.
         let noise = 1e-15;
         let step = end / SAMPLES as f64;
@@ -463,7 +466,7 @@ mod tests {
                 let range = Interval::new(0.0, scale);
                 let mut counters = Counters::default();
                 let side = if ray.origin.z > field.height(ray.origin.truncate()) { Side::Above } else { Side::Below };
-                (field.first_crossing(0.0, &ray, range, side, Start::Free, &mut counters), counters)
+                (field.first_crossing(field.all_bounds(), 0.0, &ray, range, side, Start::Free, &mut counters), counters)
             };
             let (original, counters) = cross(1.0);
             let scaled = original.map(|c| Crossing { distance: c.distance * scale, point: c.point * scale, ..c });
@@ -477,7 +480,8 @@ mod tests {
         let mut counters = Counters::default();
         let ray = Ray::new(DVec3::new(0.03, 0.04, 2.0), DVec3::NEG_Z);
         let range = Interval::new(0.0, f64::INFINITY);
-        let crossing = field.first_crossing(0.0, &ray, range, Side::Above, Start::Free, &mut counters).unwrap();
+        let bounds = field.all_bounds();
+        let crossing = field.first_crossing(bounds, 0.0, &ray, range, Side::Above, Start::Free, &mut counters).unwrap();
         assert!((crossing.point.z - field.height(dvec2(0.03, 0.04))).abs() < 1e-17);
         assert_eq!(counters.height_evaluations, 1);
     }

@@ -4,6 +4,7 @@
 //! rescaled and padded. What a ray has just left is skipped by identity ([`SurfaceId`]), never by an epsilon.
 
 pub mod accelerator;
+pub(crate) mod boxes;
 pub(crate) mod closed;
 pub(crate) mod coincidence;
 pub(crate) mod contact;
@@ -14,6 +15,7 @@ pub mod frame;
 pub mod height_field;
 mod hierarchy;
 pub(crate) mod large_pages;
+mod outline;
 pub mod pane;
 mod pyramid;
 pub mod ray;
@@ -34,7 +36,9 @@ pub use differential::SurfaceDifferential;
 pub use frame::Frame;
 pub(crate) use height_field::{FacePoints, ShapeBounds, Symmetric};
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};
-pub use pane::{FaceCrossing, Pane, PaneBoundary, PaneError, PaneHit};
+pub use outline::{HalfPlane, MOST_CORNERS, Outline, OutlineError};
+pub(crate) use outline::{SeenOutline, Shape};
+pub use pane::{FaceCrossing, Pane, PaneBoundary, PaneError, PaneHit, PaneParts};
 pub use ray::{Face, Ray, SurfaceId};
 pub use tangent::{MappedTriangles, Tangent, mapped_normal};
 pub(crate) use triangle::ShearedRay;

@@ -1,11 +1,16 @@
 //! A window pane: a slab between two height fields.
 //!
-//! In its own frame the glass fills `h1(x, y) <= z <= thickness + h2(x, y)` over the outline, a rectangle of the given
-//! size around the origin. The front face is towards -z, the back face towards +z. The side walls between them are the
-//! edge, which is opaque and black: it sits in the lead or the frame.
+//! In its own frame the glass fills `h1(x, y) <= z <= thickness + h2(x, y)` over the outline, a convex polygon. The
+//! front face is towards -z, the back face towards +z. The side walls between them are the edge, which is opaque and
+//! black: it sits in the lead or the frame.
+//!
+//! The height fields may be larger than the outline: a pane is cut from a sheet, and its frame is that of the sheet. So
+//! panes of one sheet share its height fields, wherever they were cut and however they hang.
 //!
 //! The caller knows whether a ray is in the glass, and so on which side of a face it is. The module `crossing` rests on
 //! this.
+
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
@@ -13,11 +18,31 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::crossing::{Crossing, Side, Start};
-use super::height_field::HeightField;
+use super::height_field::{HeightField, JetBounds};
+use super::outline::{Outline, prism};
 use super::thickness::thin_spot;
 use super::{Face, Frame, Ray};
 use crate::math::{Interval, Rect};
 use clerestory_film::counters::Counters;
+
+/// What a pane is made of.
+#[derive(Clone, Debug)]
+pub struct PaneParts {
+    /// What the scene calls it.
+    pub name: String,
+    /// Where it hangs: the frame of its height fields.
+    pub frame: Frame,
+    /// Where there is glass.
+    pub outline: Outline,
+    /// Distance between the faces where both are at height zero, in metres.
+    pub thickness: f64,
+    /// Index of refraction of the glass; that of air is 1.
+    pub index_of_refraction: f64,
+    /// Absorption coefficient of the glass by colour, in 1/metre.
+    pub absorption: DVec3,
+    /// Displacements h1 of the front face and h2 of the back face.
+    pub faces: [Arc<HeightField>; 2],
+}
 
 /// A pane of glass.
 #[derive(Clone, Debug)]
@@ -26,8 +51,8 @@ pub struct Pane {
     pub name: String,
     /// Where it hangs.
     pub frame: Frame,
-    /// Width and height in metres.
-    pub size: DVec2,
+    /// Where there is glass.
+    pub outline: Outline,
     /// Distance between the faces where both are at height zero, in metres.
     pub thickness: f64,
     /// Index of refraction of the glass; that of air is 1.
@@ -35,9 +60,11 @@ pub struct Pane {
     /// Absorption coefficient of the glass by colour, in 1/metre.
     pub absorption: DVec3,
     /// Displacement h1 of the front face.
-    pub front: HeightField,
+    pub front: Arc<HeightField>,
     /// Displacement h2 of the back face.
-    pub back: HeightField,
+    pub back: Arc<HeightField>,
+    /// Bounds of the front and the back face over the outline.
+    bounds: [JetBounds; 2],
     /// How rays find the faces; [`FaceCrossing::Proven`] to begin with.
     pub crossing: FaceCrossing,
 }
@@ -65,13 +92,16 @@ pub enum PaneError {
     /// An absorption coefficient is negative or not finite.
     #[error("a pane of absorption {0} per metre: absorption must be finite and not negative")]
     Absorption(f64),
-    /// A face is not as large as the pane.
-    #[error("a face of {face} metres on a pane of {pane} metres: both must have the same size")]
-    FaceSize {
+    /// The outline reaches beyond a face.
+    #[error(
+        "a face of {} x {} metres, of which the pane has x from {} to {} and y from {} to {}: the pane must lie within \
+         the face", face.x, face.y, pane.min.x, pane.max.x, pane.min.y, pane.max.y
+    )]
+    BeyondFace {
         /// Size of the face.
         face: DVec2,
-        /// Size of the pane.
-        pane: DVec2,
+        /// The rectangle around the outline.
+        pane: Rect,
     },
     /// The faces touch or cross.
     #[error(
@@ -87,6 +117,9 @@ pub enum PaneError {
         gap: f64,
     },
 }
+
+/// An outline may reach beyond a face by this part of its size, where the heights go on: places are rounded.
+const BEYOND: f64 = 1e-9;
 
 /// What bounds the glass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,19 +149,11 @@ impl Pane {
     /// The pane with the given parts.
     ///
     /// # Errors
-    /// [`PaneError`] when a number is out of range, a face has another size than the pane, or the thickness of the
-    /// glass cannot be proven to be positive everywhere.
-    #[expect(clippy::too_many_arguments, reason = "a pane has that many parts, and all of them are needed")]
-    pub fn new(
-        name: String,
-        frame: Frame,
-        size: DVec2,
-        thickness: f64,
-        index_of_refraction: f64,
-        absorption: DVec3,
-        front: HeightField,
-        back: HeightField,
-    ) -> Result<Self, PaneError> {
+    /// [`PaneError`] when a number is out of range, the outline reaches beyond a face, or the thickness of the glass
+    /// cannot be proven to be positive everywhere.
+    pub fn new(parts: PaneParts) -> Result<Self, PaneError> {
+        let PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces: [front, back] } =
+            parts;
         if !(thickness.is_finite() && thickness > 0.0) {
             return Err(PaneError::Thickness(thickness));
         }
@@ -138,30 +163,34 @@ impl Pane {
         if let Some(bad) = absorption.to_array().into_iter().find(|a| !(a.is_finite() && *a >= 0.0)) {
             return Err(PaneError::Absorption(bad));
         }
+        let pane = *outline.bounds();
         for face in [front.size(), back.size()] {
-            if face != size {
-                return Err(PaneError::FaceSize { face, pane: size });
+            let whole = Rect::new(-0.5 * face, 0.5 * face).grown(BEYOND * face.max_element());
+            if !(whole.contains(pane.min) && whole.contains(pane.max)) {
+                return Err(PaneError::BeyondFace { face, pane });
             }
         }
-        if let Some((at, gap)) = thin_spot(&front, &back, thickness) {
+        if let Some((at, gap)) = thin_spot(&front, &back, thickness, &outline) {
             return Err(PaneError::TooThin { thickness, at, gap });
         }
-        Ok(Self {
-            name,
-            frame,
-            size,
-            thickness,
-            index_of_refraction,
-            absorption,
-            front,
-            back,
-            crossing: FaceCrossing::default(),
-        })
+        let bounds = [&front, &back].map(|face| face.bounds(&pane.grown(BEYOND * face.size().max_element())));
+        let crossing = FaceCrossing::default();
+        Ok(Self { name, frame, outline, thickness, index_of_refraction, absorption, front, back, bounds, crossing })
     }
 
-    /// The rectangle that the pane covers, in its frame.
-    pub fn outline(&self) -> Rect {
-        Rect::new(-0.5 * self.size, 0.5 * self.size)
+    /// The width and the height of the rectangle around the outline, in metres.
+    pub fn size(&self) -> DVec2 {
+        let Rect { min, max } = *self.outline.bounds();
+        max - min
+    }
+
+    /// Bounds of a face over the outline.
+    #[inline(always)]
+    pub fn bounds(&self, face: Face) -> &JetBounds {
+        match face {
+            Face::Front => &self.bounds[0],
+            Face::Back => &self.bounds[1],
+        }
     }
 
     /// The height field of a face.
@@ -191,7 +220,7 @@ impl Pane {
         start_face: Option<Face>,
         counters: &mut Counters,
     ) -> Option<PaneHit> {
-        let within = self.stretch_over_outline(ray);
+        let within = self.outline.stretch(ray);
         if let Some(face) = start_face {
             // A start on the border of the outline may be rounded to beyond it; the ray's way out tells all the same.
             let range = Interval::new(0.0, within.max.min(max_distance));
@@ -211,7 +240,7 @@ impl Pane {
     /// The first boundary met by a ray that starts in the glass; the ray is in the pane's frame. A ray that starts on a
     /// face says so by `start_face`; it may meet the same face again further on.
     pub fn intersect_inside(&self, ray: &Ray, start_face: Option<Face>, counters: &mut Counters) -> Option<PaneHit> {
-        let end = self.stretch_over_outline(ray).max.max(0.0);
+        let end = self.outline.stretch(ray).max.max(0.0);
         let nearest_first = if ray.direction.z < 0.0 { [Face::Front, Face::Back] } else { [Face::Back, Face::Front] };
         let mut nearest: Option<PaneHit> = None;
         for face in nearest_first {
@@ -224,43 +253,23 @@ impl Pane {
 
     /// Corners of a box in the world that holds the pane.
     pub fn world_bounds(&self) -> [DVec3; 2] {
-        let local = self.local_bounds();
-        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for corner in 0..8 {
-            let [x, y, z] = [0, 1, 2].map(|axis| local[(corner >> axis) & 1][axis]);
-            let corner = self.frame.point_to_world(DVec3::new(x, y, z));
-            (min, max) = (min.min(corner), max.max(corner));
-        }
-        let slack = 8.0 * f64::EPSILON * (min.abs().max(max.abs()).max_element() + self.size.max_element());
+        let corners = prism(&self.outline, self.depth()).map(|corner| self.frame.point_to_world(corner));
+        let (min, max) = corners
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), corner| (min.min(corner), max.max(corner)));
+        let reach = self.outline.bounds().min.abs().max(self.outline.bounds().max.abs()).max_element();
+        let slack = 8.0 * f64::EPSILON * (min.abs().max(max.abs()).max_element() + 2.0 * reach);
         [min - slack, max + slack]
     }
 
     /// Corners of a box in the pane's frame that holds the glass.
     pub fn local_bounds(&self) -> [DVec3; 2] {
-        let (outline, depth) = (self.outline(), self.depth());
-        [outline.min.extend(depth.min), outline.max.extend(depth.max)]
+        let (bounds, depth) = (self.outline.bounds(), self.depth());
+        [bounds.min.extend(depth.min), bounds.max.extend(depth.max)]
     }
 
     /// Bounds of z over the glass.
-    fn depth(&self) -> Interval {
-        Interval::new(self.front.all_bounds().height.min, self.thickness + self.back.all_bounds().height.max)
-    }
-
-    /// The stretch of the whole line on which it is over the outline; empty when it never is.
-    fn stretch_over_outline(&self, ray: &Ray) -> Interval {
-        let half = 0.5 * self.size;
-        let mut stretch = Interval::new(f64::NEG_INFINITY, f64::INFINITY);
-        for (half, (origin, direction)) in
-            [(half.x, (ray.origin.x, ray.direction.x)), (half.y, (ray.origin.y, ray.direction.y))]
-        {
-            if direction != 0.0 {
-                let (a, b) = ((-half - origin) / direction, (half - origin) / direction);
-                stretch = stretch.intersection(Interval::new(a.min(b), a.max(b)));
-            } else if origin.abs() > half {
-                return Interval::EMPTY;
-            }
-        }
-        stretch
+    pub(crate) fn depth(&self) -> Interval {
+        Interval::new(self.bounds[0].height.min, self.thickness + self.bounds[1].height.max)
     }
 
     /// Whether the ray stays in front of all glass, or behind it.
@@ -305,13 +314,13 @@ impl Pane {
         counters: &mut Counters,
     ) -> Option<PaneHit> {
         let base = self.base_height(face);
-        let surface = self.surface(face);
+        let (surface, bounds) = (self.surface(face), self.bounds(face));
         let Crossing { distance, point, gradient } = match self.crossing {
-            FaceCrossing::Proven => surface.first_crossing(base, ray, range, side, start, counters),
-            FaceCrossing::SphereTracing => surface.sphere_traced(base, ray, range, side, start, counters),
+            FaceCrossing::Proven => surface.first_crossing(bounds, base, ray, range, side, start, counters),
+            FaceCrossing::SphereTracing => surface.sphere_traced(bounds, base, ray, range, side, start, counters),
         }?;
-        let outline = self.outline();
-        let point = point.truncate().clamp(outline.min, outline.max).extend(point.z);
+        let within = self.outline.bounds();
+        let point = point.truncate().clamp(within.min, within.max).extend(point.z);
         Some(PaneHit { distance, point, boundary: PaneBoundary::Face(face), gradient, inside })
     }
 
@@ -339,7 +348,7 @@ fn inner_side(face: Face) -> Side {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::testing::{Glass, fixed_seed};
+    use crate::geometry::testing::{Glass, fixed_seed, rectangular};
     use glam::dvec2;
     use proptest::prelude::*;
 
@@ -352,14 +361,32 @@ mod tests {
         let front = kind.face(size, amplitude, 0.2);
         let back = if parallel { front.clone() } else { kind.face(size, amplitude, 0.9) };
         let frame = Frame::new(DVec3::ZERO, DVec3::X, DVec3::Y);
-        Pane::new("pane".into(), frame, size, thickness * scale, 1.5, DVec3::ZERO, front, back).unwrap()
+        rectangular(frame, size, thickness * scale, 1.5, DVec3::ZERO, [front, back])
+    }
+
+    /// Convex outlines in a rectangle of side 1 about the origin: the rectangle, a diamond, and some of an arch.
+    const OUTLINES: [&[[f64; 2]]; 3] = [
+        &[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]],
+        &[[0.0, -0.5], [0.5, 0.0], [0.0, 0.5], [-0.5, 0.0]],
+        &[[-0.5, -0.5], [0.3, -0.5], [0.5, -0.1], [0.45, 0.2], [0.3, 0.4], [0.05, 0.5], [-0.3, 0.4]],
+    ];
+
+    /// The same glass, of which a part is left.
+    fn cut(pane: Pane, outline: usize) -> Pane {
+        let size = pane.size();
+        let corners = OUTLINES[outline].iter().map(|corner| DVec2::from(*corner) * size).collect();
+        let outline = Outline::polygon(corners).unwrap();
+        let Pane { name, frame, thickness, index_of_refraction, absorption, front, back, .. } = pane;
+        let faces = [front, back];
+        Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces }).unwrap()
     }
 
     fn any_pane() -> impl Strategy<Value = (Pane, f64)> {
         let kinds = prop::sample::select(Glass::ALL.to_vec());
         let thickness = prop::sample::select(vec![1e-4, 1e-3, 3e-3]);
         let scale = prop::sample::select(vec![1e-3, 1.0, 1e3]);
-        (kinds, thickness, prop::bool::ANY, scale).prop_map(|(k, t, parallel, s)| (pane(k, t, parallel, s), s))
+        (kinds, thickness, prop::bool::ANY, scale, 0..OUTLINES.len())
+            .prop_map(|(k, t, parallel, s, outline)| (cut(pane(k, t, parallel, s), outline), s))
     }
 
     /// Depth of a point over the outline in the glass; negative outside.
@@ -371,7 +398,8 @@ mod tests {
     /// Where a ray lies over the outline and between the extreme heights of the glass.
     fn stretch_near_glass(pane: &Pane, ray: &Ray) -> Interval {
         let [min, max] = pane.local_bounds();
-        (0..3).fold(Interval::new(0.0, f64::INFINITY), |stretch, axis| {
+        let within = pane.outline.stretch(ray).intersection(Interval::new(0.0, f64::INFINITY));
+        (0..3).fold(within, |stretch, axis| {
             let (o, d) = (ray.origin[axis], ray.direction[axis]);
             let (a, b) = ((min[axis] - o) / d, (max[axis] - o) / d);
             if a.is_nan() || b.is_nan() { stretch } else { stretch.intersection(Interval::new(a.min(b), a.max(b))) }
@@ -398,7 +426,8 @@ mod tests {
         let Some(hit) = hit else { return Ok(()) };
         prop_assert_eq!(hit.inside, sign > 0.0);
         prop_assert!((hit.point - ray.at(hit.distance)).length() < noise, "{:?} of {:?}", hit, ray);
-        prop_assert!(pane.outline().grown(noise).contains(hit.point.truncate()));
+        let least = pane.outline.cuts().iter().map(|cut| cut.distance(hit.point.truncate())).fold(0.0, f64::min);
+        prop_assert!(pane.outline.bounds().grown(noise).contains(hit.point.truncate()) && least > -noise);
         match hit.boundary {
             PaneBoundary::Face(face) => {
                 let (height, gradient) = pane.surface(face).slope(hit.point.truncate());
@@ -410,7 +439,9 @@ mod tests {
                 prop_assert!(least < noise, "false hit {:?} of {:?}: {}", hit, ray, least);
             }
             PaneBoundary::Edge => {
-                let to_edge = (0.5 * pane.size - hit.point.truncate().abs()).min_element();
+                let at = hit.point.truncate();
+                let to_sides = (0.5 * pane.size() - at.abs()).min_element();
+                let to_edge = pane.outline.cuts().iter().map(|cut| cut.distance(at)).fold(to_sides, f64::min);
                 prop_assert!(to_edge.abs() < noise && depth(pane, hit.point) > -noise, "{:?} of {:?}", hit, ray);
             }
         }
@@ -446,7 +477,7 @@ mod tests {
             elevation in elevation(), up in prop::bool::ANY,
         ) {
             let direction = direction(azimuth, if up { elevation } else { -elevation });
-            let target = (place * pane.size).extend(depth_aimed_at * pane.thickness);
+            let target = (place * pane.size()).extend(depth_aimed_at * pane.thickness);
             let ray = Ray::new(target - direction * scale, direction);
             let hit = pane.intersect_outside(&ray, f64::INFINITY, None, &mut Counters::default());
             check(&pane, scale, &ray, hit, -1.0)?;
@@ -457,7 +488,7 @@ mod tests {
             (pane, scale) in any_pane(), place in place(), s in 0.01..0.99f64, azimuth in angle(),
             elevation in elevation(), up in prop::bool::ANY,
         ) {
-            let xy = place * pane.size * 0.999_999;
+            let xy = pane.outline.nearest(place * pane.size() * 0.999_999, 0.0);
             let z = pane.front.height(xy) * (1.0 - s) + (pane.thickness + pane.back.height(xy)) * s;
             let ray = Ray::new(xy.extend(z), direction(azimuth, if up { elevation } else { -elevation }));
             let hit = pane.intersect_inside(&ray, None, &mut Counters::default());
@@ -471,7 +502,7 @@ mod tests {
             face in prop::sample::select(vec![Face::Front, Face::Back]), into_glass in prop::bool::ANY,
         ) {
             // A ray that is thrown on from each face that it meets, at grazing angles to that face too.
-            let xy = place * pane.size;
+            let xy = pane.outline.nearest(place * pane.size(), 0.0);
             let (height, mut gradient) = pane.surface(face).slope(xy);
             let (mut from, mut face) = (xy.extend(pane.base_height(face) + height), face);
             for (azimuth, elevation) in turns {
@@ -505,7 +536,7 @@ mod tests {
             fraction in 0.5..1.5f64,
         ) {
             let direction = direction(azimuth, elevation);
-            let ray = Ray::new((place * pane.size).extend(0.0) - direction * scale, direction);
+            let ray = Ray::new((place * pane.size()).extend(0.0) - direction * scale, direction);
             let mut counters = Counters::default();
             if let Some(hit) = pane.intersect_outside(&ray, f64::INFINITY, None, &mut counters) {
                 let limited = pane.intersect_outside(&ray, hit.distance * fraction, None, &mut counters);
@@ -521,15 +552,26 @@ mod tests {
             let front = Glass::Bumpy.face(size, amplitude, 0.0);
             let frame = Frame::new(DVec3::ZERO, DVec3::X, DVec3::Y);
             let back = HeightField::flat(face_size).unwrap();
-            Pane::new(String::new(), frame, size, thickness, index, absorption, front, back).map(|_| ())
+            let parts = PaneParts {
+                name: String::new(),
+                frame,
+                outline: Outline::centred(size),
+                thickness,
+                index_of_refraction: index,
+                absorption,
+                faces: [Arc::new(front), Arc::new(back)],
+            };
+            Pane::new(parts).map(|_| ())
         };
         assert_eq!(make(0.003, 1.5, DVec3::ONE, 0.001, size), Ok(()));
         assert_eq!(make(0.0, 1.5, DVec3::ZERO, 0.0, size), Err(PaneError::Thickness(0.0)));
         assert_eq!(make(0.003, 0.9, DVec3::ZERO, 0.0, size), Err(PaneError::IndexOfRefraction(0.9)));
         let negative = DVec3::new(0.0, -2.0, 0.0);
         assert_eq!(make(0.003, 1.5, negative, 0.0, size), Err(PaneError::Absorption(-2.0)));
-        let wrong = dvec2(0.5, 0.5);
-        assert_eq!(make(0.003, 1.5, DVec3::ZERO, 0.0, wrong), Err(PaneError::FaceSize { face: wrong, pane: size }));
+        let (larger, smaller) = (dvec2(0.6, 0.5), dvec2(0.6, 0.39));
+        assert_eq!(make(0.003, 1.5, DVec3::ZERO, 0.0, larger), Ok(()));
+        let beyond = PaneError::BeyondFace { face: smaller, pane: Rect::new(-0.5 * size, 0.5 * size) };
+        assert_eq!(make(0.003, 1.5, DVec3::ZERO, 0.0, smaller), Err(beyond));
         assert!(matches!(make(0.001, 1.5, DVec3::ZERO, 0.01, size), Err(PaneError::TooThin { .. })));
     }
 
@@ -541,7 +583,7 @@ mod tests {
         let [min, max] = pane.world_bounds();
         for i in 0..=100 {
             for j in 0..=100 {
-                let xy = (dvec2(f64::from(i), f64::from(j)) / 100.0 - 0.5) * pane.size;
+                let xy = (dvec2(f64::from(i), f64::from(j)) / 100.0 - 0.5) * pane.size();
                 for face in [Face::Front, Face::Back] {
                     let local = xy.extend(pane.base_height(face) + pane.surface(face).height(xy));
                     let p = pane.frame.point_to_world(local);

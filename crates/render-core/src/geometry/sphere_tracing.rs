@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::crossing::{Crossing, Side, Start};
-use super::{HeightField, Ray};
+use super::{HeightField, JetBounds, Ray};
 use crate::math::Interval;
 use clerestory_film::counters::Counters;
 
@@ -24,8 +24,10 @@ const MOST_STEPS: usize = 4096;
 impl HeightField {
     /// As [`HeightField::first_crossing`], by sphere tracing. The point is improved by one step of Newton's method,
     /// which leaves it on the surface to the last digits.
+    #[expect(clippy::too_many_arguments, reason = "the ray, the surface, and what is known of both")]
     pub(super) fn sphere_traced(
         &self,
+        bounds: &JetBounds,
         base: f64,
         ray: &Ray,
         range: Interval,
@@ -37,7 +39,6 @@ impl HeightField {
             Side::Above => 1.0,
             Side::Below => -1.0,
         };
-        let bounds = self.all_bounds();
         let [x, y] = bounds.gradient.map(|slope| slope.magnitude());
         let steepness = (1.0 + x * x + y * y).sqrt();
         let (origin, direction) = (ray.origin - DVec3::new(0.0, 0.0, base), ray.direction);
@@ -108,16 +109,16 @@ mod tests {
             let ray = Ray::new(origin, (DVec3::new(towards_x, towards_y, 0.0) - origin).normalize());
             let range = Interval::new(0.0, f64::INFINITY);
             let [mut few, mut many] = [Counters::default(); 2];
-            let proven = field.first_crossing(0.0, &ray, range, side, Start::Free, &mut few).expect("a crossing");
-            let traced = field.sphere_traced(0.0, &ray, range, side, Start::Free, &mut many).expect("a crossing");
+            let proven = field.first_crossing(field.all_bounds(), 0.0, &ray, range, side, Start::Free, &mut few).expect("a crossing");
+            let traced = field.sphere_traced(field.all_bounds(), 0.0, &ray, range, side, Start::Free, &mut many).expect("a crossing");
             prop_assert!((traced.point - proven.point).length() < 1e-8, "{traced:?} {proven:?}");
             prop_assert!((traced.gradient - proven.gradient).length() < 1e-5);
             prop_assert!(matches!(kind, Glass::Flat) || many.height_evaluations >= few.height_evaluations);
             // It goes on without meeting the surface where it stands.
             let onward = Ray::new(proven.point, ray.direction);
             let other = if above { Side::Below } else { Side::Above };
-            let proven = field.first_crossing(0.0, &onward, range, other, Start::OnSurface, &mut few);
-            let traced = field.sphere_traced(0.0, &onward, range, other, Start::OnSurface, &mut many);
+            let proven = field.first_crossing(field.all_bounds(), 0.0, &onward, range, other, Start::OnSurface, &mut few);
+            let traced = field.sphere_traced(field.all_bounds(), 0.0, &onward, range, other, Start::OnSurface, &mut many);
             let distance = |crossing: Option<Crossing>| crossing.map_or(1.0, |crossing| crossing.distance);
             prop_assert!((distance(traced) - distance(proven)).abs() < 1e-6, "{traced:?} {proven:?}");
         }
@@ -127,7 +128,17 @@ mod tests {
     fn misses_what_it_does_not_reach() {
         let field = Glass::Flat.face(DVec2::splat(0.5), 0.0, 0.0);
         let ray = Ray::new(DVec3::new(0.0, 0.0, 0.1), DVec3::new(0.0, 0.6, -0.8));
-        let trace = |range| field.sphere_traced(0.0, &ray, range, Side::Above, Start::Free, &mut Counters::default());
+        let trace = |range| {
+            field.sphere_traced(
+                field.all_bounds(),
+                0.0,
+                &ray,
+                range,
+                Side::Above,
+                Start::Free,
+                &mut Counters::default(),
+            )
+        };
         assert!(trace(Interval::new(0.0, 0.12)).is_none());
         let found = trace(Interval::new(0.0, 0.13)).expect("it reaches the surface at 0.125 m");
         assert!((found.point.truncate() - dvec2(0.0, 0.075)).length() < 1e-12);

@@ -50,11 +50,6 @@ impl SphericalRectangle {
         Self { rect, distance, even: (solid_angle > SMALLEST).then_some([solid_angle, 2.0 * PI - c - d]) }
     }
 
-    /// Whether a place of the plane is in the rectangle.
-    pub(crate) fn holds(&self, place: DVec2) -> bool {
-        self.rect.contains(place)
-    }
-
     /// The density, per solid angle, with which [`Self::sample`] draws a place of the rectangle.
     pub(crate) fn density(&self, place: DVec2) -> f64 {
         let Some([solid_angle, _]) = self.even else {

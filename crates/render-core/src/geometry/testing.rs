@@ -1,13 +1,28 @@
 //! What the tests of this module share: glass of several kinds, and property tests with a fixed seed.
 
-use glam::{DVec2, dvec2};
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3, dvec2};
 use proptest::test_runner::{Config, RngSeed};
 
-use super::HeightField;
+use super::{Frame, HeightField, Outline, Pane, PaneParts};
 
 /// A run of `cases` cases that is the same every time.
 pub(crate) fn fixed_seed(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(0x6c61_7373), failure_persistence: None, ..Config::default() }
+}
+
+/// A rectangular pane of this size around the origin of its frame, between two faces.
+pub(crate) fn rectangular(
+    frame: Frame,
+    size: DVec2,
+    thickness: f64,
+    index_of_refraction: f64,
+    absorption: DVec3,
+    faces: [HeightField; 2],
+) -> Pane {
+    let (name, outline, faces) = ("test".to_owned(), Outline::centred(size), faces.map(Arc::new));
+    Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces }).unwrap()
 }
 
 /// Kinds of old glass, by the shape of a face.

@@ -7,6 +7,7 @@
 use glam::{DVec2, dvec2};
 
 use super::height_field::HeightField;
+use super::outline::Outline;
 use crate::math::{Interval, Rect};
 
 /// Halvings per axis of a rectangle of one polynomial, after which glass that is not proven counts as too thin.
@@ -14,37 +15,52 @@ const HALVINGS: u32 = 6;
 
 /// A place where the thickness cannot be proven to be positive, and its lower bound there; `None` when it is positive
 /// all over the outline.
-pub(crate) fn thin_spot(front: &HeightField, back: &HeightField, thickness: f64) -> Option<(DVec2, f64)> {
-    let borders = [0, 1].map(|axis| borders(front, back, axis));
-    let all = [0, 1].map(|axis| [0, borders[axis].len() - 1]);
-    Glass { front, back, thickness }.thin_spot_between(&borders, all)
-}
-
-/// Where cells of either field begin on an axis, with the ends of the outline.
-fn borders(front: &HeightField, back: &HeightField, axis: usize) -> Vec<f64> {
-    let half = 0.5 * front.size()[axis];
-    let mut borders = vec![-half, half];
-    for field in [front, back] {
-        let cells = field.grid()[axis];
-        borders.extend((0..cells).map(|i| ((i as f64 + 0.5) / cells as f64 - 0.5) * field.size()[axis]));
+pub(crate) fn thin_spot(
+    front: &HeightField,
+    back: &HeightField,
+    thickness: f64,
+    outline: &Outline,
+) -> Option<(DVec2, f64)> {
+    let glass = Glass { front, back, thickness, outline };
+    if glass.thickness_by_bounds(outline.bounds()) > 0.0 {
+        return None;
     }
-    borders.sort_by(f64::total_cmp);
-    borders.dedup();
-    borders
+    let borders = [0, 1].map(|axis| glass.borders(axis));
+    let all = [0, 1].map(|axis| [0, borders[axis].len() - 1]);
+    glass.thin_spot_between(&borders, all)
 }
 
 struct Glass<'a> {
     front: &'a HeightField,
     back: &'a HeightField,
     thickness: f64,
+    outline: &'a Outline,
 }
 
 impl Glass<'_> {
+    /// Where cells of either field begin on an axis, with the ends of the outline.
+    fn borders(&self, axis: usize) -> Vec<f64> {
+        let Rect { min, max } = *self.outline.bounds();
+        let (low, high) = (min[axis], max[axis]);
+        let mut borders = vec![low, high];
+        for field in [self.front, self.back] {
+            let (cells, size) = (field.grid()[axis], field.size()[axis]);
+            // The middles of the first and the last cell that the outline may reach.
+            let index = |place: f64| ((place / size + 0.5) * cells as f64).clamp(0.0, cells as f64);
+            let within = index(low).floor() as usize..(index(high).ceil() as usize).min(cells);
+            let begins = within.map(|i| ((i as f64 + 0.5) / cells as f64 - 0.5) * size);
+            borders.extend(begins.filter(|place| (low..=high).contains(place)));
+        }
+        borders.sort_by(f64::total_cmp);
+        borders.dedup();
+        borders
+    }
+
     /// As [`thin_spot`], in the rectangle between the given borders.
     fn thin_spot_between(&self, borders: &[Vec<f64>; 2], span: [[usize; 2]; 2]) -> Option<(DVec2, f64)> {
         let corner = |end: usize| dvec2(borders[0][span[0][end]], borders[1][span[1][end]]);
         let rect = Rect::new(corner(0), corner(1));
-        if self.thickness_by_bounds(&rect) > 0.0 {
+        if self.outline.narrowed(&rect).is_empty() || self.thickness_by_bounds(&rect) > 0.0 {
             return None;
         }
         let counts = span.map(|[first, last]| last - first);
@@ -126,9 +142,10 @@ mod tests {
             let least = sampled(&front, &back);
             // Sampling misses the true minimum by at most (1.5 mm)^2 of the second derivatives, 8 mm per squared cell.
             let thick = -least + 2e-4;
-            prop_assert_eq!(thin_spot(&front, &back, thick), None);
+            let outline = Outline::centred(SIZE);
+            prop_assert_eq!(thin_spot(&front, &back, thick, &outline), None);
             let thin = -least * 0.999_999;
-            let (place, bound) = thin_spot(&front, &back, thin).expect("the glass has a hole");
+            let (place, bound) = thin_spot(&front, &back, thin, &outline).expect("the glass has a hole");
             prop_assert!(bound <= 0.0);
             prop_assert!(thin + back.height(place) - front.height(place) < 1e-4);
         }
@@ -138,8 +155,9 @@ mod tests {
     fn bent_glass_with_parallel_faces_may_be_much_thinner_than_its_bend() {
         for kind in [Kind::Crown, Kind::Steep] {
             let face = kind.face(SIZE, 0.01, 0.3);
-            assert_eq!(thin_spot(&face, &face, 1e-6), None);
-            assert!(thin_spot(&face, &face, 0.0).is_some());
+            let thin_spot = |thickness| thin_spot(&face, &face, thickness, &Outline::centred(SIZE));
+            assert_eq!(thin_spot(1e-6), None);
+            assert!(thin_spot(0.0).is_some());
         }
     }
 
@@ -147,7 +165,8 @@ mod tests {
     fn touching_flat_faces_are_refused() {
         let flat = HeightField::flat(SIZE).unwrap();
         let raised = HeightField::new(vec![0.25], 1, 1, SIZE).unwrap();
-        assert_eq!(thin_spot(&raised, &flat, 0.251), None);
-        assert!(thin_spot(&raised, &flat, 0.25).is_some());
+        let thin_spot = |thickness| thin_spot(&raised, &flat, thickness, &Outline::centred(SIZE));
+        assert_eq!(thin_spot(0.251), None);
+        assert!(thin_spot(0.25).is_some());
     }
 }

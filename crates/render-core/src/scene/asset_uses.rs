@@ -8,6 +8,7 @@ use super::import::ImportFiles;
 use super::import::gltf::{GltfFile, ImageSource};
 use super::mesh_format::FileMesh;
 use super::parts::SceneParts;
+use super::sheet::profile_uses;
 use crate::settings::{AssetProblem, JsonPath};
 use crate::texture::PictureKey;
 
@@ -40,13 +41,9 @@ pub(crate) fn asset_uses(parts: SceneParts<'_>) -> Vec<(String, &str)> {
         let files = mesh.source.file().map_or(Vec::new(), FileMesh::files);
         files.into_iter().map(move |(place, file)| (format!("meshes[{index}].source.{place}"), file))
     });
-    let profiles = parts.panes.iter().enumerate().flat_map(|(index, pane)| {
-        [("front", &pane.front), ("back", &pane.back)].into_iter().filter_map(move |(face, profile)| match profile {
-            ProfileDescription::HeightMap { file, .. } => {
-                Some((format!("panes[{index}].{face}.height_map.file"), file.as_str()))
-            }
-            _ => None,
-        })
+    let profiles = profile_uses(&parts).filter_map(|(place, profile, _)| match profile {
+        ProfileDescription::HeightMap { file, .. } => Some((format!("{place}.height_map.file"), file.as_str())),
+        _ => None,
     });
     let textures = texture_uses(parts).map(|(path, picture)| (path, picture.file));
     let imports = parts.imports.iter().enumerate().flat_map(|(index, import)| {

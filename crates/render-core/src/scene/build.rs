@@ -237,7 +237,7 @@ impl Decoded {
         let textures = decode_textures(parts, assets)?;
         let environments = decode_environments(parts, assets)?;
         begin(BuildStep::Panes { count: parts.panes.len() });
-        let panes = build_panes(parts.panes, assets)?;
+        let panes = build_panes(parts, assets)?;
         let mut meshes = Meshes::new(parts, assets, &textures);
         for (index, mesh) in parts.meshes.iter().enumerate() {
             let (number, count) = (index + 1, parts.meshes.len());

@@ -1,72 +1,111 @@
-//! The panes of a scene: profiles computed or decoded, and hung in their place.
+//! The panes of a scene: profiles computed or decoded, cut, and hung in their place.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::assets::{Assets, asset_bytes};
 use super::description::{PaneDescription, ProfileDescription};
+use super::parts::SceneParts;
 use super::profile::procedural_coefficients;
-use crate::geometry::{Face, Frame, HeightField, Pane};
-use crate::settings::{AssetProblem, SceneError};
+use super::sheet::{face_name, profile_uses};
+use crate::geometry::{Face, HeightField, Pane, PaneError, PaneParts};
+use crate::settings::{AssetProblem, JsonPath, SceneError};
 use crate::texture::height_map::{CoefficientGrid, HeightMap};
 
 /// Height maps by the names of their files.
 type HeightMaps<'a> = BTreeMap<&'a str, HeightMap>;
 
+/// The two faces of each sheet, by its name.
+type Sheets<'a> = BTreeMap<&'a str, [Arc<HeightField>; 2]>;
+
 /// Builds all panes, in the order of the scene file.
-pub(super) fn build_panes(panes: &[PaneDescription], assets: &Assets) -> Result<Vec<Pane>, SceneError> {
-    let height_maps = decode_height_maps(panes, assets)?;
+pub(super) fn build_panes(parts: SceneParts<'_>, assets: &Assets) -> Result<Vec<Pane>, SceneError> {
+    let height_maps = decode_height_maps(parts, assets)?;
+    let sheets = build_sheets(parts, &height_maps)?;
     // Collected before the first error is looked for, so that it is the same one on every machine.
-    let built: Vec<Result<Pane, SceneError>> =
-        panes.par_iter().enumerate().map(|(index, pane)| build_pane(index, pane, &height_maps)).collect();
+    let built: Vec<Result<Pane, SceneError>> = (parts.panes.par_iter().enumerate())
+        .map(|(index, pane)| build_pane(index, pane, &sheets, &height_maps))
+        .collect();
     built.into_iter().collect()
 }
 
-pub(super) fn faces(pane: &PaneDescription) -> [(Face, &ProfileDescription, DVec2); 2] {
-    let size = DVec2::new(pane.width, pane.height);
-    [(Face::Front, &pane.front, size), (Face::Back, &pane.back, size)]
-}
-
 /// Decodes all height maps, each file once.
-fn decode_height_maps<'a>(panes: &'a [PaneDescription], assets: &Assets) -> Result<HeightMaps<'a>, SceneError> {
+fn decode_height_maps<'a>(parts: SceneParts<'a>, assets: &Assets) -> Result<HeightMaps<'a>, SceneError> {
     let mut height_maps = BTreeMap::new();
-    for (index, pane) in panes.iter().enumerate() {
-        for (face, profile, _) in faces(pane) {
-            let ProfileDescription::HeightMap { file, .. } = profile else { continue };
-            if !height_maps.contains_key(file.as_str()) {
-                let map = asset_bytes(assets, file)
-                    .and_then(HeightMap::decode)
-                    .map_err(|problem| height_map_error(index, face, file, problem))?;
-                height_maps.insert(file.as_str(), map);
-            }
+    for (place, profile, _) in profile_uses(&parts) {
+        let ProfileDescription::HeightMap { file, .. } = profile else { continue };
+        if !height_maps.contains_key(file.as_str()) {
+            let map = asset_bytes(assets, file)
+                .and_then(HeightMap::decode)
+                .map_err(|problem| height_map_error(&place, file, problem))?;
+            height_maps.insert(file.as_str(), map);
         }
     }
     Ok(height_maps)
 }
 
-fn build_pane(index: usize, description: &PaneDescription, height_maps: &HeightMaps<'_>) -> Result<Pane, SceneError> {
-    let x = DVec3::from(description.x_axis).normalize();
-    let z = x.cross(DVec3::from(description.y_axis).normalize()).normalize();
-    let [front, back] =
-        faces(description).map(|(face, profile, size)| height_field(index, face, profile, size, height_maps));
-    let pane = Pane::new(
-        description.name.clone(),
-        Frame::new(DVec3::from(description.centre), x, z.cross(x)),
-        DVec2::new(description.width, description.height),
-        description.thickness,
-        description.index_of_refraction,
-        DVec3::from(description.absorption),
-        front?,
-        back?,
-    )
-    .map_err(|error| SceneError::Structure { path: format!("panes[{index}].thickness"), message: error.to_string() })?;
-    Ok(Pane { crossing: description.crossing, ..pane })
+fn build_sheets<'a>(parts: SceneParts<'a>, height_maps: &HeightMaps<'_>) -> Result<Sheets<'a>, SceneError> {
+    let built: Vec<Result<_, SceneError>> = (parts.sheets.par_iter())
+        .map(|(name, sheet)| {
+            let root = JsonPath::Root;
+            let sheets = root.member("sheets");
+            let place = sheets.member(name).to_string();
+            let [front, back] = sheet.faces().map(|(face, profile)| {
+                let place = format!("{place}.{}", face_name(face));
+                height_field(&place, face, profile, sheet.size(), height_maps)
+            });
+            Ok((name.as_str(), [Arc::new(front?), Arc::new(back?)]))
+        })
+        .collect();
+    built.into_iter().collect()
+}
+
+fn build_pane(
+    index: usize,
+    description: &PaneDescription,
+    sheets: &Sheets<'_>,
+    height_maps: &HeightMaps<'_>,
+) -> Result<Pane, SceneError> {
+    let of_sheet = description.sheet.as_ref().and_then(|cut| sheets.get(cut.name.as_str()).cloned());
+    let faces = match of_sheet {
+        Some(faces) => faces,
+        None => {
+            let size = DVec2::new(description.width, description.height);
+            let [front, back] = [(Face::Front, &description.front), (Face::Back, &description.back)]
+                .map(|(face, profile)| height_field(&face_path(index, face), face, profile, size, height_maps));
+            [Arc::new(front?), Arc::new(back?)]
+        }
+    };
+    let fault = |member: &str, message: String| {
+        Err(SceneError::Structure { path: format!("panes[{index}].{member}"), message })
+    };
+    let Some((outline, frame)) = description.placed() else {
+        return fault("outline", "the outline is not convex once it is turned on its sheet".to_owned());
+    };
+    let parts = PaneParts {
+        name: description.name.clone(),
+        frame,
+        outline,
+        thickness: description.thickness,
+        index_of_refraction: description.index_of_refraction,
+        absorption: DVec3::from(description.absorption),
+        faces,
+    };
+    match Pane::new(parts) {
+        Ok(mut pane) => {
+            pane.crossing = description.crossing;
+            Ok(pane)
+        }
+        Err(error @ PaneError::BeyondFace { .. }) => fault("sheet", error.to_string()),
+        Err(error) => fault("thickness", error.to_string()),
+    }
 }
 
 fn height_field(
-    index: usize,
+    place: &str,
     face: Face,
     profile: &ProfileDescription,
     size: DVec2,
@@ -75,7 +114,7 @@ fn height_field(
     let grid = match profile {
         ProfileDescription::HeightMap { file, scale, offset } => {
             let map = height_maps.get(file.as_str()).expect("every height map is decoded");
-            Some(map.coefficients(*scale, *offset).map_err(|problem| height_map_error(index, face, file, problem))?)
+            Some(map.coefficients(*scale, *offset).map_err(|problem| height_map_error(place, file, problem))?)
         }
         procedural => procedural_coefficients(procedural, face, size),
     };
@@ -83,16 +122,13 @@ fn height_field(
         Some(CoefficientGrid { columns, rows, coefficients }) => HeightField::new(coefficients, columns, rows, size),
         None => HeightField::flat(size),
     };
-    field.map_err(|error| SceneError::Structure { path: face_path(index, face), message: error.to_string() })
+    field.map_err(|error| SceneError::Structure { path: place.to_owned(), message: error.to_string() })
 }
 
-fn height_map_error(index: usize, face: Face, file: &str, problem: AssetProblem) -> SceneError {
-    SceneError::Asset { path: face_path(index, face) + ".height_map.file", name: file.to_owned(), problem }
+fn height_map_error(place: &str, file: &str, problem: AssetProblem) -> SceneError {
+    SceneError::Asset { path: format!("{place}.height_map.file"), name: file.to_owned(), problem }
 }
 
-pub(super) fn face_path(index: usize, face: Face) -> String {
-    match face {
-        Face::Front => format!("panes[{index}].front"),
-        Face::Back => format!("panes[{index}].back"),
-    }
+fn face_path(index: usize, face: Face) -> String {
+    format!("panes[{index}].{}", face_name(face))
 }

@@ -7,6 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::sheet::SheetCut;
 use crate::geometry::FaceCrossing;
 
 pub use crate::bsdf::MaterialDescription;
@@ -171,8 +172,8 @@ pub struct WaveDescription {
 
 /// A window pane: a slab of glass with two displaced faces in an opaque, black edge.
 ///
-/// In the pane's frame the front face is `z = h1(x, y)` and the back face `z = thickness + h2(x, y)`, for
-/// `|x| <= width/2`, `|y| <= height/2`.
+/// In the pane's frame the front face is `z = h1(x, y)` and the back face `z = thickness + h2(x, y)`, within the
+/// outline: the rectangle `|x| <= width/2`, `|y| <= height/2`, or a convex polygon in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PaneDescription {
@@ -191,6 +192,14 @@ pub struct PaneDescription {
     /// Extent along y, metres; 0.001 to 100.
     #[schemars(range(min = 0.001, max = 100.0))]
     pub height: f64,
+    /// Corners of a convex polygon within that rectangle, in the pane's x and y, metres, counterclockwise, 3 to 64.
+    /// Default: the rectangle.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 64))]
+    pub outline: Vec<[f64; 2]>,
+    /// The sheet from which the pane is cut, which has its relief: `front` and `back` are left out then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheet: Option<SheetCut>,
     /// Distance between the undisplaced faces, metres; more than 0, at most 1. The displaced faces must not touch.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
     pub thickness: f64,

@@ -12,12 +12,12 @@ use glam::DVec2;
 
 use super::asset_uses::{environment_uses, picture_bytes, texture_uses};
 use super::assets::Assets;
-use super::build_panes::{face_path, faces};
-use super::description::{MeshDescription, MeshSource, PaneDescription, ProfileDescription};
+use super::description::{MeshDescription, MeshSource, ProfileDescription};
 use super::mesh_file::MeshFiles;
 use super::mesh_format::{FileMesh, MeshFormat, MeshPart};
 use super::parts::SceneParts;
 use super::profile::procedural_grid;
+use super::sheet::profile_uses;
 use crate::light::{EnvironmentMap, LightDescription};
 use crate::settings::SceneError;
 use crate::settings::check::check_budget;
@@ -32,6 +32,8 @@ const SMALL_THINGS: u64 = 64 << 10;
 #[derive(Clone, Debug)]
 pub struct SceneMemory {
     asset_bytes: u64,
+    /// Of panes without their relief.
+    pane_bytes: u64,
     parts: Vec<Part>,
 }
 
@@ -82,16 +84,20 @@ impl SceneMemory {
             parts.push(mesh_part(&mut files, index, mesh));
         }
         let mut heights = BTreeSet::new();
-        for (index, pane) in scene.panes.iter().enumerate() {
-            parts.extend(pane_parts(&mut files, index, pane, &mut heights));
+        for (path, profile, size) in profile_uses(&scene) {
+            parts.push(face_part(&mut files, path, profile, size, &mut heights));
         }
-        Self { asset_bytes: assets.values().map(|asset| asset.bytes().len() as u64).sum(), parts }
+        let pane_bytes = PANE_BYTES * scene.panes.len() as u64;
+        Self { asset_bytes: assets.values().map(|asset| asset.bytes().len() as u64).sum(), pane_bytes, parts }
     }
 
     /// Bytes that building the scene takes at its peak, its files among them.
     pub fn bytes(&self) -> u64 {
         let decoding = self.parts.iter().map(|part| part.decoding).max().unwrap_or(0);
-        self.parts.iter().map(|part| part.kept).fold(SMALL_THINGS + self.asset_bytes + decoding, u64::saturating_add)
+        self.parts
+            .iter()
+            .map(|part| part.kept)
+            .fold(SMALL_THINGS + self.asset_bytes + self.pane_bytes + decoding, u64::saturating_add)
     }
 
     /// Refuses a scene that takes more than `limit` bytes to build. `way_out` says what can be done about the limit, as
@@ -312,31 +318,33 @@ const TEXTURED_TRIANGLE: u64 = 48;
 /// Bytes of a triangle that hierarchies take while they are built; what is made afterwards takes less.
 const SORTED_TRIANGLE: u64 = 560;
 
-fn pane_parts<'a>(
+/// A face of a pane or of a sheet.
+fn face_part<'a>(
     files: &mut Files<'a>,
-    index: usize,
-    pane: &'a PaneDescription,
+    path: String,
+    profile: &'a ProfileDescription,
+    size: DVec2,
     heights: &mut BTreeSet<&'a str>,
-) -> Vec<Part> {
-    let part = |(face, profile, size): (_, &'a ProfileDescription, DVec2)| {
-        let path = face_path(index, face);
-        let (path, count, decoding, map) = match profile {
-            ProfileDescription::HeightMap { file, .. } => {
-                let picture = files.picture(file, None);
-                let decoded = if heights.insert(file) { 1 } else { 0 };
-                let map = MAP_VALUE * picture.pixels * decoded;
-                (path + ".height_map.file", picture.pixels, picture.decoded_bytes * decoded, map)
-            }
-            procedural => {
-                let coefficients = procedural_grid(procedural, size).map_or(1, |[columns, rows]| columns * rows);
-                (path, coefficients as u64, 0, 0)
-            }
-        };
-        let kept = map + COEFFICIENT_BYTES * count;
-        Part { path, count, kind: Kind::Coefficients, decoding, kept }
+) -> Part {
+    let (path, count, decoding, map) = match profile {
+        ProfileDescription::HeightMap { file, .. } => {
+            let picture = files.picture(file, None);
+            let decoded = if heights.insert(file) { 1 } else { 0 };
+            let map = MAP_VALUE * picture.pixels * decoded;
+            (path + ".height_map.file", picture.pixels, picture.decoded_bytes * decoded, map)
+        }
+        procedural => {
+            let coefficients = procedural_grid(procedural, size).map_or(1, |[columns, rows]| columns * rows);
+            (path, coefficients as u64, 0, 0)
+        }
     };
-    faces(pane).into_iter().map(part).collect()
+    let kept = map + COEFFICIENT_BYTES * count;
+    Part { path, count, kind: Kind::Coefficients, decoding, kept }
 }
+
+/// Bytes of a pane beside its relief: its outline, a node of the tree of panes, two portals, and hierarchies while they
+/// are built.
+const PANE_BYTES: u64 = 4096;
 
 /// Bytes of a value of a decoded height map.
 const MAP_VALUE: u64 = 4;

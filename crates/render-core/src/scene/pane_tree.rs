@@ -9,7 +9,7 @@
 //! light. So their sum has a tangential part of at most the largest slope times its part along the pane's normal. Over
 //! a ball around the pane the sum hardly varies.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
 
 use crate::{
@@ -170,15 +170,18 @@ impl PaneTree {
 impl Node {
     fn of_pane(index: u32, pane: &Pane) -> Self {
         let [low, high] = pane.local_bounds();
+        let middle = (low + high) * 0.5;
+        let across = |corner: &DVec2| (*corner - middle.truncate()).length_squared();
+        let across = pane.outline.corners().iter().map(across).fold(0.0, f64::max);
         let slope = |face| {
-            let [x, y] = pane.surface(face).all_bounds().gradient.map(|slope| slope.magnitude());
+            let [x, y] = pane.bounds(face).gradient.map(|slope| slope.magnitude());
             (x * x + y * y).sqrt()
         };
         let n = pane.index_of_refraction;
         let slopes = [slope(Face::Front), slope(Face::Back)];
         Self {
-            centre: pane.frame.point_to_world((low + high) * 0.5),
-            radius: (high - low).length() * 0.5,
+            centre: pane.frame.point_to_world(middle),
+            radius: (across + (high.z - middle.z) * (high.z - middle.z)).sqrt(),
             normal: Some(pane.frame.vector_to_world(DVec3::Z)),
             change: (n * n - 1.0).max(0.0).sqrt() * (slopes[0] + slopes[1]),
             slope: slopes[0].max(slopes[1]),
@@ -245,7 +248,10 @@ mod tests {
 
     use super::*;
     use crate::{
-        geometry::{Frame, Ray, testing::Glass},
+        geometry::{
+            Frame, Ray,
+            testing::{Glass, rectangular},
+        },
         specular::{
             side::{PaneSide, unit_normal},
             testing::{between, pair, random},
@@ -258,8 +264,8 @@ mod tests {
         let mut random = random(23);
         let size = dvec2(0.3, 0.24);
         let pane = |frame: Frame, amplitude: f64| {
-            let [front, back] = [0.3, 1.9].map(|phase| Glass::Bumpy.face(size, amplitude, phase));
-            Pane::new("pane".into(), frame, size, 0.003, 1.5, DVec3::ZERO, front, back).unwrap()
+            let faces = [0.3, 1.9].map(|phase| Glass::Bumpy.face(size, amplitude, phase));
+            rectangular(frame, size, 0.003, 1.5, DVec3::ZERO, faces)
         };
         let in_wall = |index: i32| {
             let centre = DVec3::new(f64::from(index % 8) * 0.32, f64::from(index / 8) * 0.26, 0.0);
@@ -285,7 +291,7 @@ mod tests {
             let index = (random.next_f64() * panes.len() as f64) as usize;
             let pane = &panes[index];
             let from = (pair(&mut random) * 3.0 - 0.5).extend(between(&mut random, -6.0, 6.0));
-            let target = ((pair(&mut random) - 0.5) * pane.size).extend(0.0);
+            let target = ((pair(&mut random) - 0.5) * pane.size()).extend(0.0);
             let origin = pane.frame.point_to_local(from);
             let Some(side) = PaneSide::facing(pane, origin) else { continue };
             let ray = Ray::new(origin, (target - origin).normalize());
@@ -318,7 +324,7 @@ mod tests {
             let from = (pair(&mut random) * 3.0 - 0.5).extend(between(&mut random, -6.0, 6.0));
             let origin = pane.frame.point_to_local(from);
             let Some(side) = PaneSide::facing(pane, origin) else { continue };
-            let place = (pair(&mut random) - 0.5) * pane.size;
+            let place = (pair(&mut random) - 0.5) * pane.size();
             let jet = side.near_surface().jet(place);
             let vertex = place.extend(side.near_base() + jet.height);
             let normal = unit_normal(jet.gradient);

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
 use super::import::ImportDescription;
+use super::sheet::SheetDescription;
 use crate::bsdf::MaterialDescription;
 use crate::light::LightDescription;
 
@@ -20,6 +21,8 @@ pub struct SceneParts<'a> {
     pub meshes: &'a [MeshDescription],
     /// Files of other programs; none once their things are among the others.
     pub imports: &'a [ImportDescription],
+    /// Sheets of glass by name.
+    pub sheets: &'a BTreeMap<String, SheetDescription>,
     /// Window panes.
     pub panes: &'a [PaneDescription],
     /// Lights.

@@ -2,7 +2,7 @@
 //!
 //! What needs the contents of assets is checked when the scene is built.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, UVec3};
 
@@ -13,6 +13,7 @@ use super::import::{ImportDescription, check_imports};
 use super::mesh::is_degenerate;
 use super::parts::SceneParts;
 use super::profile;
+use super::sheet::{SheetDescription, check_sheet, face_name};
 use super::waves::MAX_CELLS;
 use crate::bsdf::MaterialDescription;
 use crate::settings::Check;
@@ -50,11 +51,20 @@ impl SceneParts<'_> {
         self.check_meshes(&root.member("meshes"))?;
         let is_material = |name: &str| self.materials.contains_key(name);
         check_imports(self.imports, &is_material, &root.member("imports"))?;
+        for (name, sheet) in self.sheets {
+            let sheets = root.member("sheets");
+            let path = sheets.member(name);
+            check_sheet(name, sheet, &path)?;
+            let size = SizedFace { width: sheet.width, height: sheet.height, relief: 1.0 };
+            for (face, profile) in sheet.faces() {
+                check_profile(profile, &size, &path.member(face_name(face)))?;
+            }
+        }
         check_count(self.panes.len(), MAX_PANES, &root.member("panes"))?;
         let mut names = Names::default();
         for (index, pane) in self.panes.iter().enumerate() {
             let panes = root.member("panes");
-            check_pane(pane, &panes.element(index))?;
+            check_pane(pane, self.sheets, &panes.element(index))?;
             names.add(&pane.name, &panes.element(index))?;
         }
         check_count(self.lights.len(), MAX_LIGHTS, &root.member("lights"))?;
@@ -261,7 +271,7 @@ fn check_texture_coordinates(
     Ok(())
 }
 
-fn check_pane(pane: &PaneDescription, path: &JsonPath<'_>) -> Check {
+fn check_pane(pane: &PaneDescription, sheets: &BTreeMap<String, SheetDescription>, path: &JsonPath<'_>) -> Check {
     check_name(&pane.name, &path.member("name"))?;
     check_triple(pane.centre, -MAX_COORDINATE, MAX_COORDINATE, &path.member("centre"))?;
     let x = check_direction(pane.x_axis, &path.member("x_axis"))?;
@@ -276,38 +286,46 @@ fn check_pane(pane: &PaneDescription, path: &JsonPath<'_>) -> Check {
     check_above(pane.thickness, 0.0, 1.0, &path.member("thickness"))?;
     check_range(pane.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
     check_triple(pane.absorption, 0.0, 1e9, &path.member("absorption"))?;
-    check_profile(&pane.front, pane, &path.member("front"))?;
-    check_profile(&pane.back, pane, &path.member("back"))
+    pane.check_cut(sheets, path)?;
+    let face = SizedFace { width: pane.width, height: pane.height, relief: pane.thickness };
+    check_profile(&pane.front, &face, &path.member("front"))?;
+    check_profile(&pane.back, &face, &path.member("back"))
 }
 
-fn check_profile(description: &ProfileDescription, pane: &PaneDescription, path: &JsonPath<'_>) -> Check {
+/// What a profile has to fit: the size of its face, and the largest amplitude, metres.
+struct SizedFace {
+    width: f64,
+    height: f64,
+    relief: f64,
+}
+
+fn check_profile(description: &ProfileDescription, face: &SizedFace, path: &JsonPath<'_>) -> Check {
     let path = path.member(description.name());
-    let check_amplitude =
-        |amplitude: f64| check_range(amplitude, -pane.thickness, pane.thickness, &path.member("amplitude"));
+    let check_amplitude = |amplitude: f64| check_range(amplitude, -face.relief, face.relief, &path.member("amplitude"));
     match description {
         ProfileDescription::Flat => Ok(()),
         ProfileDescription::Crown { centre, wavelength, amplitude, .. } => {
             check_pair(*centre, -MAX_COORDINATE, MAX_COORDINATE, &path.member("centre"))?;
             check_amplitude(*amplitude)?;
-            check_wavelength(*wavelength, description, pane, &path.member("wavelength"))
+            check_wavelength(*wavelength, description, face, &path.member("wavelength"))
         }
         ProfileDescription::Cylinder { axis, wavelength, amplitude, .. } => {
             check_range(*axis, -360.0, 360.0, &path.member("axis"))?;
             check_amplitude(*amplitude)?;
-            check_wavelength(*wavelength, description, pane, &path.member("wavelength"))
+            check_wavelength(*wavelength, description, face, &path.member("wavelength"))
         }
         ProfileDescription::Bump { centre, radius, rotation, amplitude } => {
             check_pair(*centre, -MAX_COORDINATE, MAX_COORDINATE, &path.member("centre"))?;
             let radius_path = path.member("radius");
             for (index, component) in radius.iter().enumerate() {
-                check_wavelength(*component, description, pane, &radius_path.element(index))?;
+                check_wavelength(*component, description, face, &radius_path.element(index))?;
             }
             check_range(*rotation, -360.0, 360.0, &path.member("rotation"))?;
             check_amplitude(*amplitude)
         }
         ProfileDescription::Hammered { wavelength, amplitude, .. } => {
             check_amplitude(*amplitude)?;
-            check_wavelength(*wavelength, description, pane, &path.member("wavelength"))
+            check_wavelength(*wavelength, description, face, &path.member("wavelength"))
         }
         ProfileDescription::HeightMap { file, scale, offset } => {
             check_asset_name(file, &path.member("file"))?;
@@ -332,17 +350,12 @@ impl ProfileDescription {
 }
 
 /// A length that the coefficients of a profile must resolve.
-fn check_wavelength(
-    wavelength: f64,
-    description: &ProfileDescription,
-    pane: &PaneDescription,
-    path: &JsonPath<'_>,
-) -> Check {
-    let edge = pane.width.max(pane.height);
+fn check_wavelength(wavelength: f64, description: &ProfileDescription, face: &SizedFace, path: &JsonPath<'_>) -> Check {
+    let edge = face.width.max(face.height);
     let shortest = profile::shortest_wavelength(description, edge);
     if !wavelength.is_finite() || wavelength < shortest || wavelength > MAX_COORDINATE {
         let expected = format!(
-            "{shortest:.3e} to {MAX_COORDINATE}: {} coefficients across the {edge} m of this pane resolve no less",
+            "{shortest:.3e} to {MAX_COORDINATE}: {} coefficients across the {edge} m of this face resolve no less",
             profile::MAX_COEFFICIENTS_PER_AXIS
         );
         return Err(SceneError::value(path, Number(wavelength), expected));

@@ -25,7 +25,7 @@ pub const MAX_TRIANGLES: usize = 1 << 25;
 pub const MAX_COEFFICIENTS: usize = 1 << 25;
 
 /// Panes of a scene.
-pub const MAX_PANES: usize = 4096;
+pub const MAX_PANES: usize = 1 << 17;
 
 /// Lights of a scene.
 pub const MAX_LIGHTS: usize = 4096;

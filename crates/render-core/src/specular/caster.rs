@@ -94,9 +94,7 @@ impl SeenCaster {
         match *self {
             Self::Face { pane, face } => {
                 let pane = &scene.panes()[pane as usize];
-                let outline = pane.outline();
-                let random = glam::DVec2::new(random.next_f64(), random.next_f64());
-                let place = outline.min + (outline.max - outline.min) * random;
+                let place = pane.outline.sample(glam::DVec2::new(random.next_f64(), random.next_f64()));
                 counters.height_evaluations += 1;
                 let height = pane.base_height(face) + pane.surface(face).height(place);
                 Some(pane.frame.point_to_world(place.extend(height)))
@@ -113,10 +111,8 @@ impl SeenCaster {
     pub(super) fn brought_within(&self, scene: &Scene, target: DVec3) -> Option<DVec3> {
         let Self::Face { pane, .. } = *self else { return None };
         let pane = &scene.panes()[pane as usize];
-        let outline = pane.outline();
-        let margin = glam::DVec2::splat(pane.thickness).min(0.25 * pane.size);
         let local = pane.frame.point_to_local(target);
-        let within = local.truncate().clamp(outline.min + margin, outline.max - margin);
+        let within = pane.outline.nearest(local.truncate(), pane.thickness);
         (within != local.truncate()).then(|| pane.frame.point_to_world(within.extend(local.z)))
     }
 

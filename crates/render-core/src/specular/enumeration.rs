@@ -314,7 +314,7 @@ mod tests {
             let sign = if case % 2 == 0 { 1.0 } else { -1.0 };
             let distance = between(&mut random, 0.2, 2.0);
             let origin = ((pair(&mut random) - 0.5) * distance).extend(-sign * distance);
-            let through = (pair(&mut random) - 0.5) * pane.size;
+            let through = (pair(&mut random) - 0.5) * pane.size();
             let direction = (through.extend(0.0) - origin).normalize();
             let bent = DVec3::new(random.next_f64(), random.next_f64(), random.next_f64()) - 0.5;
             let (source, bounds) = if case % 4 < 2 {
@@ -340,7 +340,7 @@ mod tests {
                 };
                 // The window holds the paths through the outline; the search from a seed may leave it.
                 let held = window.rect().contains(window.place_of(root.path.vertices[0]))
-                    && root.theta.iter().all(|vertex| pane.outline().contains(*vertex));
+                    && root.theta.iter().all(|vertex| pane.outline.contains(*vertex));
                 if held && !roots.iter().any(|known| region.same(known, &root)) {
                     assert!(!complete, "case {case}: a path at {:?} beside {} others", root.theta, roots.len());
                     tally.missed += 1;
@@ -397,8 +397,8 @@ mod tests {
                     (Source::Direction(direction), SourceBounds::Cap { direction, sin_radius: 0.0 })
                 };
                 let connection = Connection::new(&side, origin, source);
-                let region = SearchRegion::around(&pane.outline(), pane.thickness);
-                let seed = [0, 1].map(|_| (pair(&mut random) - 0.5) * pane.size);
+                let region = SearchRegion::around(pane.outline.bounds(), pane.thickness);
+                let seed = [0, 1].map(|_| (pair(&mut random) - 0.5) * pane.size());
                 let [mut widest, mut plain] = [Counters::default(); 2];
                 let solved = [
                     (

@@ -287,7 +287,7 @@ mod tests {
                     Source::Direction(direction) => Source::Direction(-direction.normalize()),
                 };
                 let side = PaneSide::facing(&pane, origin).unwrap();
-                let near = (pair(&mut random) - 0.5) * pane.size * 0.9;
+                let near = (pair(&mut random) - 0.5) * pane.size() * 0.9;
                 let theta = [near, near + (pair(&mut random) - 0.5) * 0.004];
                 check(&Connection::new(&side, origin, source), &theta);
             }
@@ -346,7 +346,7 @@ mod tests {
     fn solve(side: &PaneSide<'_>, origin: DVec3, source: Source, near: DVec2) -> Option<Root> {
         let counters = &mut Counters::default();
         let connection = Connection::new(side, origin, source);
-        let region = SearchRegion { bounds: side.pane.outline().grown(1.0), tolerance: 1e-12 };
+        let region = SearchRegion { bounds: side.pane.outline.bounds().grown(1.0), tolerance: 1e-12 };
         solve_complete(&connection, connection.thin_seed(near, counters)?, &region, counters)
     }
 

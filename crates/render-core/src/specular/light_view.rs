@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 use super::side::{PaneSide, Transmission};
 use super::window::{SourceBounds, Window};
 use super::{Arrival, coverage};
-use crate::geometry::{Frame, Ray, SurfaceId};
+use crate::geometry::{Frame, Ray, Shape, SurfaceId};
 use crate::light::{Light, LightBounds, LightHit};
 use crate::math::Rect;
 use crate::scene::Scene;
@@ -67,6 +67,8 @@ pub(super) struct PaneAperture<'a> {
 struct Patch {
     aperture: usize,
     rect: Rect,
+    /// What the lead leaves of it.
+    shape: Shape,
     /// About the solid angle under which it is seen: rays are spread in proportion to it.
     weight: f64,
 }
@@ -115,11 +117,11 @@ impl<'a> LightView<'a> {
         }
         let patch = |(aperture, rect): (usize, Rect)| {
             let PaneAperture { side, origin, .. } = &apertures[aperture];
-            let weight = rect.area() * solid_angle(side, *origin, rect.centre());
-            Patch { aperture, rect, weight }
+            let shape = windows[aperture].shape(&rect)?;
+            let weight = shape.area() * solid_angle(side, *origin, rect.centre());
+            (weight > 0.0).then_some(Patch { aperture, rect, shape, weight })
         };
-        let patches: Vec<Patch> =
-            cut(&windows, effort.parts).into_iter().map(patch).filter(|patch| patch.weight > 0.0).collect();
+        let patches: Vec<Patch> = cut(&windows, effort.parts).into_iter().filter_map(patch).collect();
         let total: f64 = patches.iter().map(|patch| patch.weight).sum();
         let stride = total / f64::from(effort.rays);
         Self { scene, point, light, apertures, patches, rays: effort.rays, stride }
@@ -145,8 +147,7 @@ impl<'a> LightView<'a> {
             }
             let along = ((position - start) / patch.weight).min(1.0);
             let across = random.y + f64::from(ray) * GOLDEN_RATIO;
-            let Rect { min, max } = patch.rect;
-            let place = min + (max - min) * DVec2::new(along, across - across.floor());
+            let place = patch.shape.sample(DVec2::new(along, across - across.floor()));
             let aperture = &self.apertures[patch.aperture];
             let density = patch.density(self.stride, aperture, place);
             let aimed = AimedRay { place, density };
@@ -250,7 +251,7 @@ impl Patch {
     /// Expected number of rays for each unit of solid angle, when there is one for each `stride` of the patches'
     /// weights.
     fn density(&self, stride: f64, aperture: &PaneAperture<'_>, place: DVec2) -> f64 {
-        self.weight / (stride * self.rect.area() * solid_angle(&aperture.side, aperture.origin, place))
+        self.weight / (stride * self.shape.area() * solid_angle(&aperture.side, aperture.origin, place))
     }
 }
 

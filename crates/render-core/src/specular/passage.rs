@@ -100,8 +100,7 @@ pub(crate) fn transmission(
     root: &Root,
     counters: &mut Counters,
 ) -> Option<Transmission> {
-    let outline = side.pane.outline();
-    let inside = root.theta.iter().all(|vertex| outline.contains(*vertex));
+    let inside = root.theta.iter().all(|vertex| side.pane.outline.contains(*vertex));
     if !(inside && root.path.crosses(side.sign) && coverage::steep(side, root.path.directions)) {
         return None;
     }

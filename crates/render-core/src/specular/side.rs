@@ -45,9 +45,9 @@ impl<'a> PaneSide<'a> {
     /// The pane as seen from `point` (in the pane's frame); `None` for points between the highest and the lowest point
     /// of either face or of its plane, to which the specular methods give no light (see [`super::coverage`]).
     pub fn facing(pane: &'a Pane, point: DVec3) -> Option<Self> {
-        if point.z < pane.front.all_bounds().height.min.min(0.0) {
+        if point.z < pane.bounds(Face::Front).height.min.min(0.0) {
             Some(Self { pane, near: Face::Front, far: Face::Back, sign: 1.0 })
-        } else if point.z > pane.thickness + pane.back.all_bounds().height.max.max(0.0) {
+        } else if point.z > pane.thickness + pane.bounds(Face::Back).height.max.max(0.0) {
             Some(Self { pane, near: Face::Back, far: Face::Front, sign: -1.0 })
         } else {
             None
@@ -57,9 +57,8 @@ impl<'a> PaneSide<'a> {
     /// Whether any point of the pane lies in front of the plane through `point` with the normal `normal`, both in the
     /// pane's frame: light through a pane that lies behind a surface cannot reach it.
     pub fn rises_above(&self, point: DVec3, normal: DVec3) -> bool {
-        let half = self.pane.size * 0.5;
-        let reach = normal.x.abs() * half.x + normal.y.abs() * half.y;
-        let heights = self.near_surface().all_bounds().height;
+        let reach = self.pane.outline.extent(normal.truncate()).max;
+        let heights = self.pane.bounds(self.near).height;
         let rise = |height: f64| normal.z * (self.near_base() + height - point.z);
         let depth = rise(heights.min).max(rise(heights.max));
         reach + depth - normal.x * point.x - normal.y * point.y > 0.0

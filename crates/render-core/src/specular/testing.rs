@@ -2,23 +2,16 @@
 
 use glam::{DVec2, DVec3, dvec2};
 
-use crate::geometry::{Frame, Pane, testing::Glass};
+use crate::geometry::testing::{Glass, rectangular};
+use crate::geometry::{Frame, Pane};
 use clerestory_film::{SampleStream, SamplerSettings, TrialStream};
 
 /// A pane of 0.3 m x 0.24 m x 3 mm whose faces have reliefs of `amplitude` metres.
 pub(crate) fn pane(glass: Glass, amplitude: f64) -> Pane {
     let size = dvec2(0.3, 0.24);
-    Pane::new(
-        "test".into(),
-        Frame::new(DVec3::ZERO, DVec3::X, DVec3::Y),
-        size,
-        0.003,
-        1.5,
-        DVec3::new(20.0, 40.0, 90.0),
-        glass.face(size, amplitude, 0.3),
-        glass.face(size, amplitude * 0.7, 1.9),
-    )
-    .unwrap()
+    let frame = Frame::new(DVec3::ZERO, DVec3::X, DVec3::Y);
+    let faces = [glass.face(size, amplitude, 0.3), glass.face(size, amplitude * 0.7, 1.9)];
+    rectangular(frame, size, 0.003, 1.5, DVec3::new(20.0, 40.0, 90.0), faces)
 }
 
 /// Random numbers.

@@ -21,7 +21,7 @@ use super::{
     direction_bounds::cap_bounds,
     side::{GRAZING_COSINE, PaneSide},
 };
-use crate::geometry::ShapeBounds;
+use crate::geometry::{SeenOutline, Shape, ShapeBounds};
 use crate::math::simd::{Instructions, LaneRects, Mask};
 use crate::math::{Interval, Rect};
 
@@ -59,6 +59,7 @@ const ROUNDING_MARGINS: [f64; 2] = [1e-9, 1e-13];
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
     origin: DVec3,
+    outline: SeenOutline<'a>,
     rect: Rect,
     deflection: DeflectionBounds<'a>,
     margin: f64,
@@ -67,7 +68,8 @@ pub struct Window<'a> {
 impl<'a> Window<'a> {
     /// The window of the point `origin` and a source, all in the pane's frame; `None` when no owned path exists.
     pub fn new(side: &PaneSide<'a>, origin: DVec3, source: &SourceBounds) -> Option<Self> {
-        let (ends, mut rect) = ends(side, origin, source)?;
+        let (ends, outline) = ends(side, origin, source)?;
+        let mut rect = outline.narrowed(outline.rect());
         let mut last = None;
         for round in 0..ROUNDS {
             // Most points see no light through most panes: the first round, which finds that, reads no pyramid.
@@ -77,7 +79,10 @@ impl<'a> Window<'a> {
             let margin = (part.rect.max - part.rect.min).max_element() * of_size
                 + ends.near * of_distance * deflection.tangent_rounding();
             // Behind flat glass the window is a point, which the next round would lose by rounding.
-            let grown = part.rect.grown(margin);
+            let grown = outline.narrowed(&part.rect.grown(margin));
+            if grown.is_empty() {
+                return None;
+            }
             let settled = round > 0 && grown.area() > CONTRACTED * rect.area();
             rect = grown;
             last = Some((deflection, margin));
@@ -86,7 +91,7 @@ impl<'a> Window<'a> {
             }
         }
         let (deflection, margin) = last?;
-        Some(Self { origin, rect, deflection, margin })
+        Some(Self { origin, outline, rect, deflection, margin })
     }
 
     /// The whole window.
@@ -98,7 +103,14 @@ impl<'a> Window<'a> {
     #[inline(always)]
     pub(super) fn part(&self, part: &Rect) -> Option<Part> {
         let Part { rect, spread } = self.deflection.part(part)?;
-        Some(Part { rect: rect.grown(self.margin).intersection(part), spread })
+        let rect = self.outline.narrowed(&rect.grown(self.margin).intersection(part));
+        (!rect.is_empty()).then_some(Part { rect, spread })
+    }
+
+    /// What of a part of the window the lead does not cover, whatever the height of the relief; `None` where it covers
+    /// all.
+    pub(super) fn shape(&self, part: &Rect) -> Option<Shape> {
+        self.outline.shape(part)
     }
 
     /// As [`Self::part`], for four parts with the shapes of both faces there; and for which of them anything can.
@@ -136,40 +148,35 @@ impl<'a> Window<'a> {
     }
 }
 
-/// A pane's outline, as a shading point sees it.
-pub(super) struct SeenOutline {
-    /// What it covers of the plane of the undisplaced near face, whatever the height of the relief.
-    pub(super) rect: Rect,
+/// A near face, as a shading point sees it.
+pub(super) struct SeenFace<'a> {
+    /// What it covers of the plane of the undisplaced face, whatever the height of the relief.
+    pub(super) outline: SeenOutline<'a>,
     /// Height of that plane above the shading point, towards the light.
     pub(super) near: f64,
     /// Heights of the face above that plane.
     heights: Interval,
 }
 
-/// The outline as the point `origin` of the pane's frame sees it; `None` where the face is not in front.
-pub(super) fn seen_outline(side: &PaneSide<'_>, origin: DVec3) -> Option<SeenOutline> {
+/// The near face as the point `origin` of the pane's frame sees it; `None` where it is not in front.
+pub(super) fn seen_face<'a>(side: &PaneSide<'a>, origin: DVec3) -> Option<SeenFace<'a>> {
     let sign = side.sign;
     let near = side.near_base() * sign - origin.z * sign;
-    let heights = mirrored(side.near_surface().all_bounds(), sign).height;
+    let heights = mirrored(side.pane.bounds(side.near), sign).height;
     if !(near + heights.min > 0.0 && near > 0.0) {
         return None;
     }
     // A point of the face at the height h is seen, from O, in the plane of the face at O + (X - O) near/(near + h).
     let scale = Interval::new(near / (near + heights.max), near / (near + heights.min));
-    let outline = side.pane.outline();
-    let seen =
-        |min: f64, max: f64, centre: f64| scale * Interval::new(min - centre, max - centre) + Interval::point(centre);
-    let x = seen(outline.min.x, outline.max.x, origin.x);
-    let y = seen(outline.min.y, outline.max.y, origin.y);
-    let rect = Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max));
-    Some(SeenOutline { rect, near, heights })
+    let outline = SeenOutline::new(&side.pane.outline, origin.truncate(), scale);
+    Some(SeenFace { outline, near, heights })
 }
 
 /// The ends of the path as seen from the pane, and everything between the shading point's view of the outline and the
 /// plane of the near face.
-fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(Ends, Rect)> {
+fn ends<'a>(side: &PaneSide<'a>, origin: DVec3, source: &SourceBounds) -> Option<(Ends, SeenOutline<'a>)> {
     let sign = side.sign;
-    let SeenOutline { rect, near, heights } = seen_outline(side, origin)?;
+    let SeenFace { outline, near, heights } = seen_face(side, origin)?;
     let source = match *source {
         SourceBounds::Ball { centre, radius } => {
             let offset = centre - origin;
@@ -188,7 +195,7 @@ fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(En
             MirroredSource::Direction([x, y])
         }
     };
-    Some((Ends { origin: origin.truncate(), near, source }, rect))
+    Some((Ends { origin: origin.truncate(), near, source }, outline))
 }
 
 #[cfg(test)]
@@ -216,7 +223,7 @@ mod tests {
             let lateral = (pair(&mut random) - 0.5) * between(&mut random, 0.1, 6.0) * distance.max(0.2);
             let origin = lateral.extend(if sign > 0.0 { -distance } else { 0.003 + distance });
             let Some(side) = PaneSide::facing(&pane, origin) else { continue };
-            let target = ((pair(&mut random) - 0.5) * pane.size).extend(side.near_base());
+            let target = ((pair(&mut random) - 0.5) * pane.size()).extend(side.near_base());
             let direction = (target - origin).normalize();
             let Some(through) = side.transmit(&Ray::new(origin, direction), &mut counters) else { continue };
             if !coverage::steep(&side, [direction, through.inner_direction, through.direction]) {
@@ -251,7 +258,7 @@ mod tests {
                     part = if low.contains(place) { low } else { high };
                 }
                 if matches!(source, SourceBounds::Ball { radius: 0.0, .. }) && direction.z.abs() > 0.5 {
-                    area += window.rect().area() / pane.outline().area();
+                    area += window.rect().area() / pane.outline.area();
                 }
             }
         }
@@ -289,7 +296,7 @@ mod tests {
         for case in 0..20_000 {
             let near = between(&mut random, 0.01, 10.0);
             let origin = (pair(&mut random) * 4.0 - 2.0).extend(-near);
-            let through = ((pair(&mut random) - 0.5) * pane.size * 0.99).extend(0.0);
+            let through = ((pair(&mut random) - 0.5) * pane.size() * 0.99).extend(0.0);
             let direction = (through - origin).normalize();
             let side = PaneSide::facing(&pane, origin).unwrap();
             let Some(path) = side.transmit(&Ray::new(origin, direction), &mut Counters::default()) else { continue };

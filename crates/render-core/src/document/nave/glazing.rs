@@ -57,6 +57,8 @@ fn pane(glass: Glass, cuts: u32, [window, row, column]: [u32; 3], seed: u64) -> 
         y_axis: [0.0, 0.0, 1.0],
         width: rounded(pitch[0] - GAP),
         height: rounded(pitch[1] - GAP),
+        outline: Vec::new(),
+        sheet: None,
         thickness,
         index_of_refraction: 1.52,
         absorption,

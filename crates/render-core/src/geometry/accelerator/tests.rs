@@ -2,7 +2,7 @@
 //! leave.
 
 use super::*;
-use crate::geometry::testing::{Glass, fixed_seed};
+use crate::geometry::testing::{Glass, fixed_seed, rectangular};
 use crate::geometry::{Frame, HeightField, PaneBoundary};
 use glam::{DMat3, dvec2};
 use proptest::prelude::*;
@@ -55,7 +55,7 @@ fn pane(frame: Frame, scale: f64, kind: Glass) -> Pane {
     let size = dvec2(0.4, 0.3) * scale;
     let faces = [0.1, 0.7].map(|variant| kind.face(size, 0.002 * scale, variant));
     let [front, back] = faces;
-    Pane::new("pane".into(), frame, size, 0.006 * scale, 1.5, DVec3::ZERO, front, back).unwrap()
+    rectangular(frame, size, 0.006 * scale, 1.5, DVec3::ZERO, [front, back])
 }
 
 /// Triangles and panes without any order around `centre`, of the size of `scale`.
@@ -252,7 +252,7 @@ fn a_tiny_pane_in_a_large_scene_is_neither_missed_nor_walked_through() {
     let frame = Frame::new(DVec3::new(1234.0, -2345.0, 3.0), DVec3::X, DVec3::Y);
     let size = dvec2(0.01, 0.01);
     let flat = || HeightField::flat(size).unwrap();
-    let glass = Pane::new("tiny".into(), frame, size, 0.001, 1.5, DVec3::ZERO, flat(), flat()).unwrap();
+    let glass = rectangular(frame, size, 0.001, 1.5, DVec3::ZERO, [flat(), flat()]);
     let scene = Accelerator::build(&positions, &triangles, &[], vec![glass]).unwrap();
     for i in 0..400 {
         let target = frame.origin + DVec3::new(f64::from(i % 20) - 9.5, f64::from(i / 20) - 9.5, 0.0) * 5e-4;
@@ -299,7 +299,7 @@ fn bad_meshes_are_refused() {
     let lost = Frame { origin: infinite, axes: DMat3::IDENTITY };
     let glass = pane(lost, 1.0, Glass::Flat);
     let error = Accelerator::build(&[], &[], &[], vec![glass]).unwrap_err();
-    assert_eq!(error, AcceleratorError::PanePlace("pane".into()));
+    assert_eq!(error, AcceleratorError::PanePlace("test".into()));
 }
 
 #[test]

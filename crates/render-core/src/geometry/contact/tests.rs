@@ -4,14 +4,14 @@ use glam::dvec2;
 use proptest::prelude::*;
 
 use super::*;
-use crate::geometry::testing::{Glass as Kind, fixed_seed};
+use crate::geometry::testing::{Glass as Kind, fixed_seed, rectangular};
 use crate::geometry::{Frame, HeightField};
 
 const THICKNESS: f64 = 0.003;
 
 fn flat(origin: DVec3, x: DVec3, y: DVec3, size: DVec2) -> Pane {
     let face = || HeightField::flat(size).unwrap();
-    Pane::new("p".into(), Frame::new(origin, x, y), size, THICKNESS, 1.5, DVec3::ZERO, face(), face()).unwrap()
+    rectangular(Frame::new(origin, x, y), size, THICKNESS, 1.5, DVec3::ZERO, [face(), face()])
 }
 
 /// A flat pane of 0.3 m x 0.3 m in the plane z = `z`.
@@ -79,7 +79,7 @@ fn relief_decides_whether_panes_meet() {
     let hill = || HeightField::new((0..81).map(|i| if i == 40 { 0.002 } else { 0.0 }).collect(), 9, 9, size).unwrap();
     let plane = || HeightField::flat(size).unwrap();
     let place = Frame::new(DVec3::ZERO, DVec3::X, DVec3::Y);
-    let blistered = Pane::new("b".into(), place, size, THICKNESS, 1.5, DVec3::ZERO, plane(), hill()).unwrap();
+    let blistered = rectangular(place, size, THICKNESS, 1.5, DVec3::ZERO, [plane(), hill()]);
     let top = THICKNESS + blistered.back.height(DVec2::ZERO);
     assert!(are_in_contact(&blistered, &level(top - 1e-6)));
     assert!(!are_in_contact(&blistered, &level(top + 1e-6)));
@@ -133,7 +133,7 @@ fn relief_that_runs_in_parallel_close_by_costs_no_more_than_the_budget() {
     let face = || Kind::Crown.face(size, 0.002, 0.4);
     let pane = |z: f64| {
         let place = Frame::new(DVec3::Z * z, DVec3::X, DVec3::Y);
-        Pane::new("b".into(), place, size, THICKNESS, 1.5, DVec3::ZERO, face(), face()).unwrap()
+        rectangular(place, size, THICKNESS, 1.5, DVec3::ZERO, [face(), face()])
     };
     assert!(!are_in_contact(&pane(0.0), &pane(THICKNESS + 1e-4)));
     assert!(!are_in_contact(&pane(0.0), &pane(THICKNESS + 1e-8)));
@@ -153,7 +153,7 @@ fn any_pane() -> impl Strategy<Value = Pane> {
         let size = dvec2(0.2, 0.15);
         let [front, back] = kinds.map(|kind| kind.face(size, 0.3 * thickness, a));
         let frame = Frame::new(place.into(), turn * DVec3::X, turn * DVec3::Y);
-        Pane::new("p".into(), frame, size, thickness, 1.5, DVec3::ZERO, front, back).unwrap()
+        rectangular(frame, size, thickness, 1.5, DVec3::ZERO, [front, back])
     })
 }
 
@@ -161,7 +161,7 @@ fn any_pane() -> impl Strategy<Value = Pane> {
 fn depth(pane: &Pane, point: DVec3) -> f64 {
     let local = pane.frame.point_to_local(point);
     let at = local.truncate();
-    let beside = (0.5 * pane.size - at.abs()).min_element();
+    let beside = (0.5 * pane.size() - at.abs()).min_element();
     let (front, back) = (pane.front.height(at), pane.thickness + pane.back.height(at));
     beside.min(local.z - front).min(back - local.z)
 }

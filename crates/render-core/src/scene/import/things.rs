@@ -390,6 +390,8 @@ impl GlazeRule {
             y_axis,
             width,
             height,
+            outline: Vec::new(),
+            sheet: None,
             thickness,
             index_of_refraction: self.index_of_refraction,
             absorption: self.absorption,

@@ -66,7 +66,6 @@ pub(in crate::specular) enum Detail {
 #[derive(Clone, Copy, Debug)]
 pub(in crate::specular) struct DeflectionBounds<'a> {
     side: PaneSide<'a>,
-    outline: Rect,
     /// What leads from a place of the near plane to X1 and to X2.
     to_entry: Box2,
     to_exit: Box2,
@@ -120,7 +119,7 @@ impl<'a> DeflectionBounds<'a> {
     ) -> Option<(Self, Part)> {
         let (pane, sign) = (side.pane, side.sign);
         let index = pane.index_of_refraction;
-        let outline = pane.outline();
+        let outline = &pane.outline;
         let tangents = [
             Interval::new(window.min.x - ends.origin.x, window.max.x - ends.origin.x),
             Interval::new(window.min.y - ends.origin.y, window.max.y - ends.origin.y),
@@ -130,7 +129,7 @@ impl<'a> DeflectionBounds<'a> {
 
         let (near_surface, far_surface) = (side.near_surface(), side.far_surface());
         let (near_everywhere, far_everywhere) =
-            (mirrored(near_surface.all_bounds(), sign), mirrored(far_surface.all_bounds(), sign));
+            (mirrored(pane.bounds(side.near), sign), mirrored(pane.bounds(side.far), sign));
         if let MirroredSource::Direction(last) = &ends.source {
             // Most shading points see the sun through no pane. The steepest slopes of the faces already say so.
             let steepest =
@@ -144,7 +143,7 @@ impl<'a> DeflectionBounds<'a> {
                 return None;
             }
         }
-        let entry = shifted(window, &times(&tangents, near_everywhere.height)).intersection(&outline);
+        let entry = outline.narrowed(&shifted(window, &times(&tangents, near_everywhere.height)));
         if entry.is_empty() {
             return None;
         }
@@ -160,7 +159,7 @@ impl<'a> DeflectionBounds<'a> {
         });
         let inner = tangents_of_directions(&inner);
         let widest_gap = gap(pane.thickness, near.height, far_everywhere.height);
-        let exit = shifted(&entry, &times(&inner, widest_gap)).intersection(&outline);
+        let exit = outline.narrowed(&shifted(&entry, &times(&inner, widest_gap)));
         if exit.is_empty() {
             return None;
         }
@@ -212,7 +211,6 @@ impl<'a> DeflectionBounds<'a> {
         let near_lever = Interval::new(to_face.min / ends.near, to_face.max / ends.near);
         let deflection = Self {
             side: *side,
-            outline,
             to_entry,
             to_exit: std::array::from_fn(|axis| to_entry[axis] + to_glass[axis]),
             // In the glass a tangent changes by at most as much as in air.
@@ -266,8 +264,9 @@ impl<'a> DeflectionBounds<'a> {
     /// Where light from a part of the window enters and leaves the glass; `None` when that is beside the outline.
     #[inline(always)]
     fn regions(&self, part: &Rect) -> Option<[Rect; 2]> {
-        let entry = shifted(part, &self.to_entry).intersection(&self.outline);
-        let exit = shifted(part, &self.to_exit).intersection(&self.outline);
+        let outline = &self.side.pane.outline;
+        let entry = outline.narrowed(&shifted(part, &self.to_entry));
+        let exit = outline.narrowed(&shifted(part, &self.to_exit));
         (!entry.is_empty() && !exit.is_empty()).then_some([entry, exit])
     }
 

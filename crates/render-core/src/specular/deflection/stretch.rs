@@ -6,7 +6,7 @@ use glam::{DMat2, DVec2};
 use super::{DeflectionBounds, Lever, SlopeWeight, radius};
 use crate::geometry::{ShapeBounds, Symmetric};
 use crate::math::Rect;
-use crate::math::simd::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
+use crate::math::simd::{Instructions, LaneRects, Lanes, Lanes2, Mask};
 use crate::specular::direction_bounds::Box2;
 use clerestory_film::counters::Counters;
 
@@ -47,10 +47,10 @@ impl<'a> DeflectionBounds<'a> {
     /// Which of four rectangles of the near plane send light through the outline of both faces.
     #[inline(always)]
     pub(in crate::specular) fn meets_glass<S: Instructions>(&self, rects: LaneRects<S>) -> Mask<S> {
-        let outline = LaneRects::new(rects.min.x.simd(), &[self.outline; LANES]);
+        let outline = &self.side.pane.outline;
         let entry = rects.shifted(&rect(&self.to_entry));
         let exit = rects.shifted(&rect(&self.to_exit));
-        entry.is_beside(outline).or(exit.is_beside(outline)).not()
+        outline.is_beside(entry).or(outline.is_beside(exit)).not()
     }
 
     /// The shapes of both faces where light from four rectangles of the near plane goes through, also beyond the

@@ -13,10 +13,10 @@ use glam::{DVec2, DVec3};
 use super::super::Arrival;
 use super::super::light_view::{AimedRay, PaneAperture};
 use super::super::side::PaneSide;
-use super::super::window::seen_outline;
+use super::super::window::seen_face;
 use crate::bsdf::fresnel::absorption;
 use crate::geometry::spherical_rectangle::SphericalRectangle;
-use crate::geometry::{Face, Pane, PaneBoundary, Ray, Surface};
+use crate::geometry::{Face, Pane, PaneBoundary, Ray, SeenOutline, Shape, Surface};
 use crate::light::{Chosen, Cluster, EmissionCone, Light, LightTree, Receiver, Side, Source, with_finer_places};
 use crate::math::Rect;
 use crate::scene::{Scene, ShadingPoint};
@@ -137,7 +137,7 @@ fn portal(pane: &Pane, face: Face) -> Cluster {
     Cluster {
         min,
         max,
-        power: pane.size.x * pane.size.y * tint.max(DARKEST),
+        power: pane.outline.area() * tint.max(DARKEST),
         cone: EmissionCone::from_plane(outwards),
         radius: 0.5 * (max - min).length(),
         can_be_met: false,
@@ -148,8 +148,17 @@ fn portal(pane: &Pane, face: Face) -> Cluster {
 struct SeenPortal<'a> {
     portal: u32,
     aperture: PaneAperture<'a>,
-    /// The outline, relative to the point's foot in the near plane.
-    outline: SphericalRectangle,
+    outline: SeenOutline<'a>,
+    /// What it covers of the near plane.
+    covered: Covered,
+}
+
+/// What a portal covers of its near plane.
+enum Covered {
+    /// A rectangle relative to the point's foot in that plane. Places are uniform in solid angle.
+    Rectangle(SphericalRectangle),
+    /// A shape seen from a height above that plane. Places are uniform over its area: quarries are small.
+    Polygon { shape: Shape, height: f64 },
 }
 
 impl<'a> SeenPortal<'a> {
@@ -159,10 +168,15 @@ impl<'a> SeenPortal<'a> {
         let geometry = &scene.panes()[pane as usize];
         let origin = geometry.frame.point_to_local(point.position);
         let side = PaneSide::facing(geometry, origin).filter(|side| side.near == face)?;
-        let seen = seen_outline(&side, origin)?;
-        let foot = origin.truncate();
-        let outline = SphericalRectangle::new(Rect::new(seen.rect.min - foot, seen.rect.max - foot), seen.near);
-        Some(Self { portal, aperture: PaneAperture { pane, side, origin }, outline })
+        let seen = seen_face(&side, origin)?;
+        let covered = match seen.outline.shape(seen.outline.rect())? {
+            Shape::Whole(Rect { min, max }) => {
+                let foot = origin.truncate();
+                Covered::Rectangle(SphericalRectangle::new(Rect::new(min - foot, max - foot), seen.near))
+            }
+            shape @ Shape::Polygon(..) => Covered::Polygon { shape, height: seen.near },
+        };
+        Some(Self { portal, aperture: PaneAperture { pane, side, origin }, outline: seen.outline, covered })
     }
 
     fn foot(&self) -> DVec2 {
@@ -171,17 +185,26 @@ impl<'a> SeenPortal<'a> {
 
     /// A place of the near plane that is drawn at random.
     fn sample(&self, random: DVec2) -> DVec2 {
-        self.outline.sample(random) + self.foot()
+        match &self.covered {
+            Covered::Rectangle(rectangle) => rectangle.sample(random) + self.foot(),
+            Covered::Polygon { shape, .. } => shape.sample(random),
+        }
     }
 
     /// Whether a place is one that may be drawn.
     fn holds(&self, place: DVec2) -> bool {
-        self.outline.holds(place - self.foot())
+        self.outline.contains(place)
     }
 
     /// The density of such a place, per solid angle.
     fn density(&self, place: DVec2) -> f64 {
-        self.outline.density(place - self.foot())
+        match &self.covered {
+            Covered::Rectangle(rectangle) => rectangle.density(place - self.foot()),
+            Covered::Polygon { shape, height } => {
+                let length = (place - self.foot()).extend(*height).length();
+                length * length * length / (shape.area() * height)
+            }
+        }
     }
 
     /// The direction to a place, in the world.

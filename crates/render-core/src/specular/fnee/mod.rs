@@ -46,7 +46,6 @@ use super::trials::RandomSearch;
 use super::window::{SourceBounds, Window};
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::light::{Source, SourceSample};
-use crate::math::Rect;
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
 use crate::scene::pane_tree::{LightRegion, Panes};
@@ -101,15 +100,15 @@ impl<'a> PathSearch<'a> {
     /// Runs the solver from one seed. `random` gives numbers in [0, 1): two for the complete solver, four for the
     /// published one.
     pub fn solve(&self, mut random: impl FnMut() -> DVec2, counters: &mut Counters) -> Option<Root> {
-        let within = |rect: &Rect, random: DVec2| rect.min + (rect.max - rect.min) * random;
         match self.solver {
             FneeSolver::Complete => {
-                let seed = self.connection.thin_seed(within(self.window.rect(), random()), counters)?;
+                let place = self.window.shape(self.window.rect())?.sample(random());
+                let seed = self.connection.thin_seed(place, counters)?;
                 solve_complete(&self.connection, seed, &self.region, counters)
             }
             FneeSolver::Published => {
-                let outline = self.side().pane.outline();
-                let seed = [within(&outline, random()), within(&outline, random())];
+                let outline = &self.side().pane.outline;
+                let seed = [outline.sample(random()), outline.sample(random())];
                 solve_published(&self.connection, seed, &self.region, counters)
             }
         }

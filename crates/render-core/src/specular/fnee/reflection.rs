@@ -101,12 +101,12 @@ impl<'a> ReflectionSearch<'a> {
                 (seen, cosine * cosine * cosine / height)
             }
         };
-        let slopes = side.near_surface().all_bounds().gradient.map(|slope| slope.magnitude());
+        let slopes = side.pane.bounds(side.near).gradient.map(|slope| slope.magnitude());
         let reach = MARGIN * 2.0 * DVec2::from(slopes).length() / curvature + 1e-3 * height;
         let around = Rect::new(image - reach, image + reach);
-        let outline = side.pane.outline();
-        let window = around.intersection(&outline);
-        let window = if window.is_empty() { outline } else { window };
+        let outline = &side.pane.outline;
+        let window = outline.narrowed(&around);
+        let window = if window.is_empty() { *outline.bounds() } else { window };
         let nearest = match source {
             Source::Point(point) => height.min((point.z - base).abs()),
             Source::Direction(_) => height,
@@ -140,7 +140,7 @@ impl<'a> ReflectionSearch<'a> {
 
     /// Newton's method on the gradient, damped by the natural monotonicity test, as in `newton`.
     fn solve_damped(&self, seed: DVec2, counters: &mut Counters) -> Option<ReflectionRoot> {
-        let bounds = self.side.pane.outline();
+        let bounds = *self.side.pane.outline.bounds();
         let bounds = bounds.grown(0.25 * (bounds.max - bounds.min).max_element());
         let longest = (bounds.max - bounds.min).length();
         let mut path = self.path(seed, counters);
@@ -220,7 +220,7 @@ impl<'a> ReflectionSearch<'a> {
         let falloff = scene.lights()[light as usize].falloff(outwards);
         let towards = normal(&jet).dot(first) * self.side.sign;
         let away = -normal(&jet).dot(last) * self.side.sign;
-        let is_reflected = towards > 0.0 && away > 0.0 && geometry.outline().contains(place);
+        let is_reflected = towards > 0.0 && away > 0.0 && geometry.outline.contains(place);
         if !is_reflected || light_cosine.min(falloff) <= 0.0 || direction.dot(point.normal) <= 0.0 {
             return None;
         }
@@ -252,9 +252,10 @@ impl RandomSearch for ReflectionSearch<'_> {
 
     fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<ReflectionRoot> {
         let anywhere = self.solver == FneeSolver::Published || random.next_f64() < ANYWHERE;
-        let rect = if anywhere { self.side.pane.outline() } else { self.window };
-        let place = DVec2::new(random.next_f64(), random.next_f64());
-        self.solve_from(rect.min + (rect.max - rect.min) * place, counters)
+        let outline = &self.side.pane.outline;
+        let window = if anywhere { outline.bounds() } else { &self.window };
+        let random = DVec2::new(random.next_f64(), random.next_f64());
+        self.solve_from(outline.sample_within(window, random)?, counters)
     }
 
     fn same(&self, first: &ReflectionRoot, second: &ReflectionRoot) -> bool {
@@ -347,7 +348,7 @@ mod tests {
                 let source = if case % 4 < 2 { Source::Point(light) } else { Source::Direction(light.normalize()) };
                 let side = PaneSide::facing(&pane, origin).unwrap();
                 let search = ReflectionSearch::new(side, origin, source, FneeSolver::Complete).unwrap();
-                check(&search, (pair(&mut random) - 0.5) * pane.size * 0.9);
+                check(&search, (pair(&mut random) - 0.5) * pane.size() * 0.9);
             }
         }
     }
