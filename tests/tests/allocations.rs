@@ -113,7 +113,7 @@ fn walks_over_panes_take_no_memory() {
                 continue;
             };
             runs.run(&mut random, |seed| {
-                let target = pane.frame.point_to_world(((seed - 0.5) * pane.size).extend(0.0));
+                let target = pane.frame.point_to_world(((seed - 0.5) * pane.size()).extend(0.0));
                 search.walk_towards(target, counters).is_some()
             });
         }

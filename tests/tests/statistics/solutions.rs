@@ -114,7 +114,7 @@ fn receiver_cosine(scene: &PreparedScene, root: &Root) -> f64 {
 #[track_caller]
 fn check(case: &str, list: &str) {
     let scene = load_case(case);
-    let size = scene.scene().accelerator().panes()[0].size;
+    let size = scene.scene().accelerator().panes()[0].size();
     let mut complete = Counters::default();
     let mut published = Counters::default();
     let (mut listed, mut missed_by_published) = (0, 0);

@@ -133,8 +133,8 @@ fn curves_lead_to_the_paths_through_meshes_that_random_walks_find() {
                 },
             );
             let light = LightSample::Point(lamp(&scene));
-            let found = TwoInterfaces::of_meshes(scene.scene(), &point, light, &pane.frame, pane.size).paths(CELLS);
-            tally.check(&found, &known, pane.size);
+            let found = TwoInterfaces::of_meshes(scene.scene(), &point, light, &pane.frame, pane.size()).paths(CELLS);
+            tally.check(&found, &known, pane.size());
         }
         println!("{case} as a mesh: {} paths, of which {} need not be told apart", tally.known, tally.hidden);
         assert!(tally.known > 30 && 10 * tally.hidden < 3 * tally.known, "{case}: {} {}", tally.known, tally.hidden);

@@ -1,0 +1,285 @@
+//! From a window of a scene file to panes, sheets, meshes and materials.
+
+use std::collections::BTreeMap;
+
+use clerestory_glazing::{MeshPart, Piece, PlanMesh, WindowPlan};
+use glam::{DMat2, DQuat, DVec2, DVec3};
+
+use super::colour::{GlassColour, named};
+use super::description::{OuterGlazing, WindowDescription};
+use super::glass::{Cutting, GlassDescription};
+use crate::bsdf::{DiffuseMaterial, MaterialDescription};
+use crate::geometry::FaceCrossing;
+use crate::math::hash::mix;
+use crate::scene::description::{MeshDescription, MeshSource, PaneDescription};
+use crate::scene::sheet::{SheetCut, SheetDescription};
+use crate::settings::check::Quoted;
+use crate::settings::limits::PANE_EDGES;
+use crate::settings::{JsonPath, SceneError, Triple};
+use crate::texture::ColourDescription;
+
+/// What a window is made of, as things of a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WindowExpansion {
+    /// Materials of lead, iron and stone, by name. The scene's own of these names take their place.
+    pub materials: BTreeMap<String, MaterialDescription>,
+    /// Lead, solder, iron and stone.
+    pub meshes: Vec<MeshDescription>,
+    /// The sheets from which the panes are cut, by name.
+    pub sheets: BTreeMap<String, SheetDescription>,
+    /// The pieces of glass.
+    pub panes: Vec<PaneDescription>,
+}
+
+/// The materials of what holds the glass, by their names, with their colours.
+const MATERIALS: [(MeshPart, &str, Triple); 4] = [
+    (MeshPart::Lead, "lead came", [0.16, 0.16, 0.17]),
+    (MeshPart::Solder, "solder", [0.3, 0.3, 0.31]),
+    (MeshPart::Iron, "wrought iron", [0.06, 0.055, 0.05]),
+    (MeshPart::Stone, "tracery stone", [0.55, 0.5, 0.42]),
+];
+
+/// Plans a window in its plane.
+///
+/// # Errors
+///
+/// The member of the design that makes no window, below `path`.
+pub fn plan(window: &WindowDescription, path: &JsonPath<'_>) -> Result<WindowPlan, SceneError> {
+    window.design.plan().map_err(|error| SceneError::Value {
+        path: format!("{}.{}", path.member("design"), error.path),
+        found: error.found,
+        expected: error.expected,
+    })
+}
+
+/// What a window is made of.
+///
+/// # Errors
+///
+/// As [`plan`]; or a kind of glass that is not known, or a piece that is larger than its sheet.
+pub fn expand(window: &WindowDescription, path: &JsonPath<'_>) -> Result<WindowExpansion, SceneError> {
+    let plan = plan(window, path)?;
+    let mut expansion = WindowExpansion::default();
+    let glazier = Glazier { window, path };
+    for piece in &plan.pieces {
+        glazier.add_piece(piece, &plan, &mut expansion)?;
+    }
+    if let Some(outer) = &window.outer {
+        glazier.add_outer(outer, &plan, &mut expansion)?;
+    }
+    for mesh in plan.meshes() {
+        glazier.add_mesh(mesh, &mut expansion);
+    }
+    Ok(expansion)
+}
+
+/// Cuts pieces from sheets and hangs them.
+struct Glazier<'a> {
+    window: &'a WindowDescription,
+    path: &'a JsonPath<'a>,
+}
+
+impl Glazier<'_> {
+    fn add_piece(&self, piece: &Piece, plan: &WindowPlan, expansion: &mut WindowExpansion) -> Result<(), SceneError> {
+        let Some(outline) = LocalOutline::of(&piece.outline) else { return Ok(()) };
+        let kind = self.kind(&piece.glass)?;
+        let cut = self.cut(&piece.glass, &kind, &outline, piece, plan, expansion)?;
+        let [x, y, z] = self.window.axes();
+        let [about_x, about_y] = piece.tilt.map(f64::to_radians);
+        let turn = DQuat::from_axis_angle(x, about_x) * DQuat::from_axis_angle(y, about_y);
+        let thickness = kind.thickness * piece.thickness_factor;
+        let middle = DVec3::from(self.window.sill) + x * outline.middle.x + y * outline.middle.y;
+        let pane = PaneDescription {
+            name: format!("{} {}", self.window.name, piece.place),
+            centre: (middle - turn * z * (0.5 * thickness)).to_array(),
+            x_axis: (turn * x).to_array(),
+            y_axis: (turn * y).to_array(),
+            ..self.pane(&kind, &outline, thickness, &self.path.member("glass").member(&piece.glass))?
+        };
+        expansion.panes.push(PaneDescription { sheet: Some(cut), ..pane });
+        Ok(())
+    }
+
+    /// A pane of a kind of glass, at the origin.
+    fn pane(
+        &self,
+        kind: &GlassDescription,
+        outline: &LocalOutline,
+        thickness: f64,
+        path: &JsonPath<'_>,
+    ) -> Result<PaneDescription, SceneError> {
+        let Some(tint) = kind.colour.tint() else {
+            let found = format!("{:?}", kind.colour);
+            return Err(SceneError::value(&path.member("colour"), found, "a colour"));
+        };
+        let size = 2.0 * outline.corners.iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
+        Ok(PaneDescription {
+            name: String::new(),
+            centre: [0.0; 3],
+            x_axis: [1.0, 0.0, 0.0],
+            y_axis: [0.0, 1.0, 0.0],
+            width: size.x.max(PANE_EDGES[0]),
+            height: size.y.max(PANE_EDGES[0]),
+            outline: outline.corners.iter().map(|corner| corner.to_array()).collect(),
+            sheet: None,
+            thickness,
+            index_of_refraction: kind.index_of_refraction,
+            absorption: tint.body,
+            front: Default::default(),
+            back: Default::default(),
+            crossing: FaceCrossing::default(),
+        })
+    }
+
+    /// The kind of glass of this name.
+    fn kind(&self, name: &str) -> Result<GlassDescription, SceneError> {
+        if let Some(kind) = self.window.glass.get(name) {
+            return Ok(kind.clone());
+        }
+        if named(name).is_some() {
+            return Ok(GlassDescription { colour: GlassColour::Named(name.to_owned()), ..GlassDescription::default() });
+        }
+        let expected = format!("a kind of glass with the name {}, which the design uses", Quoted(name));
+        Err(SceneError::value(&self.path.member("glass"), "no such kind", expected))
+    }
+
+    /// Where a piece is cut from the sheet of its kind.
+    fn cut(
+        &self,
+        name: &str,
+        kind: &GlassDescription,
+        outline: &LocalOutline,
+        piece: &Piece,
+        plan: &WindowPlan,
+        expansion: &mut WindowExpansion,
+    ) -> Result<SheetCut, SceneError> {
+        let sheet_name = format!("{} {name}", self.window.name);
+        let seed = text_seed(name) ^ mix(self.window.design.seed);
+        let sheet =
+            expansion.sheets.entry(sheet_name.clone()).or_insert_with(|| kind.sheet.description(seed % SEEDS));
+        let place = match kind.cutting {
+            _ if !kind.sheet.has_relief() => Some((DVec2::ZERO, 0.0)),
+            Cutting::InPlace => {
+                let [low, high] = bounds(&plan.outline);
+                Some((outline.middle - 0.5 * (low + high), 0.0))
+            }
+            Cutting::Scattered => {
+                let random = DVec2::new(piece.cut.u, piece.cut.v);
+                sheet.place_for(&outline.corners, random, piece.cut.rotation.to_degrees())
+            }
+        };
+        let Some((at, rotation)) = place else {
+            let [low, high] = bounds(&outline.corners);
+            let found = format!(
+                "a sheet of {} x {} m, from which {} is to be cut, which measures {:.3} x {:.3} m",
+                sheet.width,
+                sheet.height,
+                Quoted(&piece.place.to_string()),
+                high.x - low.x,
+                high.y - low.y
+            );
+            let path = self.path.member("glass");
+            return Err(SceneError::value(&path.member(name).member("sheet"), found, "a larger sheet"));
+        };
+        Ok(SheetCut { name: sheet_name, at: at.to_array(), rotation })
+    }
+
+    /// A protective pane over the opening: as its outline, or over all of it where that is not convex.
+    fn add_outer(
+        &self,
+        outer: &OuterGlazing,
+        plan: &WindowPlan,
+        expansion: &mut WindowExpansion,
+    ) -> Result<(), SceneError> {
+        let [low, high] = bounds(&plan.outline);
+        let rectangle = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        let corners = if is_convex(&plan.outline) { &plan.outline[..] } else { &rectangle };
+        let Some(outline) = LocalOutline::of(corners) else { return Ok(()) };
+        let [x, y, z] = self.window.axes();
+        let (kind, thickness) = (&outer.glass, outer.glass.thickness);
+        let path = self.path.member("outer");
+        let middle = DVec3::from(self.window.sill) + x * outline.middle.x + y * outline.middle.y;
+        let name = format!("{} outer", self.window.name);
+        let sheet = kind.sheet.description(text_seed(&name) % SEEDS);
+        let Some((at, rotation)) = sheet.place_for(&outline.corners, DVec2::splat(0.5), 0.0) else {
+            let found = format!("a sheet of {} x {} m", sheet.width, sheet.height);
+            let expected = format!("one of at least {:.3} x {:.3} m", high.x - low.x, high.y - low.y);
+            return Err(SceneError::value(&path.member("glass").member("sheet"), found, expected));
+        };
+        let pane = PaneDescription {
+            centre: (middle - z * (outer.distance + thickness)).to_array(),
+            x_axis: x.to_array(),
+            y_axis: y.to_array(),
+            sheet: Some(SheetCut { name: name.clone(), at: at.to_array(), rotation }),
+            ..self.pane(kind, &outline, thickness, &path.member("glass"))?
+        };
+        expansion.sheets.insert(name.clone(), sheet);
+        expansion.panes.push(PaneDescription { name, ..pane });
+        Ok(())
+    }
+
+    fn add_mesh(&self, mesh: PlanMesh, expansion: &mut WindowExpansion) {
+        let Some((_, material, colour)) = MATERIALS.into_iter().find(|(part, ..)| *part == mesh.part) else { return };
+        let reflectance = ColourDescription::Colour(colour);
+        expansion
+            .materials
+            .entry(material.to_owned())
+            .or_insert(MaterialDescription::Diffuse(DiffuseMaterial { reflectance }));
+        let [x, y, z] = self.window.axes();
+        let sill = self.window.sill;
+        let row = |axis: usize| [x[axis], y[axis], z[axis], sill[axis]];
+        expansion.meshes.push(MeshDescription {
+            name: format!("{} {material}", self.window.name),
+            material: material.to_owned(),
+            source: MeshSource::Inline {
+                positions: mesh.positions,
+                triangles: mesh.triangles,
+                texture_coordinates: Vec::new(),
+                normals: Vec::new(),
+            },
+            matrix: Some([row(0), row(1), row(2)]),
+            scale: 1.0,
+            rotate: [0.0; 3],
+            translate: [0.0; 3],
+        });
+    }
+}
+
+/// Numbers below this are seeds that JSON keeps.
+const SEEDS: u64 = 1 << 32;
+
+/// A seed from a name (FNV-1a), so that kinds differ and their order does not matter.
+fn text_seed(name: &str) -> u64 {
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}
+
+/// The outline of a piece about its middle.
+struct LocalOutline {
+    middle: DVec2,
+    corners: Vec<DVec2>,
+}
+
+impl LocalOutline {
+    /// `None` for glass that is too narrow for a pane.
+    fn of(corners: &[DVec2]) -> Option<Self> {
+        let [low, high] = bounds(corners);
+        let middle = 0.5 * (low + high);
+        let corners = corners.iter().map(|corner| *corner - middle).collect();
+        ((high - low).min_element() >= PANE_EDGES[0]).then_some(Self { middle, corners })
+    }
+}
+
+fn bounds(corners: &[DVec2]) -> [DVec2; 2] {
+    corners.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[min, max], corner| {
+        [min.min(*corner), max.max(*corner)]
+    })
+}
+
+fn is_convex(corners: &[DVec2]) -> bool {
+    let count = corners.len();
+    count <= crate::geometry::MOST_CORNERS
+        && (0..count).all(|index| {
+            let [a, b, c] = [0, 1, 2].map(|step| corners[(index + step) % count]);
+            DMat2::from_cols(b - a, c - b).determinant() > 0.0
+        })
+}
