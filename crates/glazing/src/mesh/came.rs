@@ -1,0 +1,42 @@
+//! Cames: two flanges and a heart.
+
+use glam::DVec2;
+
+use super::Triangles;
+use super::sweep::{add_sweep, rectangle};
+use crate::lead::{CameProfile, Cames};
+use crate::plan::WindowPlan;
+
+/// Segments of the arc of a round flange.
+const ARC: u32 = 6;
+
+/// Adds all cames of a window.
+pub(super) fn add_cames(plan: &WindowPlan, triangles: &mut Triangles) {
+    let Some(lead) = &plan.lead else { return };
+    let (inner, outer) = (0.5 * lead.heart_height, lead.half_depth());
+    // The heart ends within the flanges.
+    let heart = 0.5 * (inner + outer);
+    for came in &plan.cames {
+        for side in [-1.0, 1.0] {
+            add_sweep(triangles, &came.path, came.is_closed, &flange(lead, came.flange_width, side));
+        }
+        let heart = rectangle(lead.heart_thickness, [-heart, heart]);
+        add_sweep(triangles, &came.path, came.is_closed, &heart);
+    }
+}
+
+/// The section of a flange on one side of the glass, clockwise.
+fn flange(lead: &Cames, width: f64, side: f64) -> Vec<DVec2> {
+    let (inner, outer) = (0.5 * lead.heart_height, lead.half_depth());
+    match lead.profile {
+        CameProfile::Flat if side > 0.0 => rectangle(width, [inner, outer]),
+        CameProfile::Flat => rectangle(width, [-outer, -inner]),
+        CameProfile::Round => (0..=ARC)
+            .map(|step| {
+                let angle = std::f64::consts::PI * f64::from(step) / f64::from(ARC);
+                let (sine, cosine) = libm::sincos(angle);
+                DVec2::new(-0.5 * width * cosine * side, side * (inner + lead.flange_thickness * sine))
+            })
+            .collect(),
+    }
+}

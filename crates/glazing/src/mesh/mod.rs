@@ -1,0 +1,84 @@
+//! Triangles of everything that is not glass, in window coordinates.
+
+mod bar;
+mod came;
+mod solder;
+mod stone;
+mod sweep;
+mod triangulate;
+
+use glam::DVec3;
+
+use crate::plan::WindowPlan;
+
+/// The triangles of a part of a window. Seen from outside of the material they run counterclockwise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanMesh {
+    /// What it is made of.
+    pub part: MeshPart,
+    /// Vertices, metres.
+    pub positions: Vec<[f64; 3]>,
+    /// Numbers of vertices from 0, three for each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A part of a window that is not glass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MeshPart {
+    /// Cames: closed strips that overlap where they meet.
+    Lead,
+    /// Joints of cames: a closed drop on either side of each.
+    Solder,
+    /// Bars: closed prisms.
+    Iron,
+    /// Tracery: one closed surface.
+    Stone,
+}
+
+impl WindowPlan {
+    /// The triangles of lead, solder, iron and stone; only of parts that the window has. Every edge of a mesh belongs to
+    /// two triangles.
+    pub fn meshes(&self) -> Vec<PlanMesh> {
+        let parts: [(MeshPart, fn(&Self, &mut Triangles)); 4] = [
+            (MeshPart::Lead, came::add_cames),
+            (MeshPart::Solder, solder::add_solder),
+            (MeshPart::Iron, bar::add_bars),
+            (MeshPart::Stone, stone::add_stone),
+        ];
+        let mesh = |(part, add): (MeshPart, fn(&Self, &mut Triangles))| {
+            let mut triangles = Triangles::default();
+            add(self, &mut triangles);
+            PlanMesh { part, positions: triangles.positions, triangles: triangles.triangles }
+        };
+        parts.into_iter().map(mesh).filter(|mesh| !mesh.triangles.is_empty()).collect()
+    }
+}
+
+/// Collects triangles.
+#[derive(Default)]
+struct Triangles {
+    positions: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Triangles {
+    /// Adds vertices, and returns the number of the first.
+    fn add_vertices(&mut self, vertices: impl IntoIterator<Item = DVec3>) -> u32 {
+        let first = self.positions.len() as u32;
+        self.positions.extend(vertices.into_iter().map(|vertex| vertex.to_array()));
+        first
+    }
+
+    /// Adds a triangle.
+    fn add(&mut self, corners: [u32; 3]) {
+        self.triangles.push(corners);
+    }
+
+    /// Adds two triangles between two edges that run side by side, the first on the left.
+    fn add_quadrilateral(&mut self, [a, b, c, d]: [u32; 4]) {
+        self.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+}
+
+#[cfg(test)]
+mod tests;
