@@ -15,6 +15,7 @@ use crate::plan::WindowPlan;
 use crate::polygon;
 use crate::stone::{StoneFrame, StoneHole, StoneSection};
 use crate::tracery::Tracery;
+use crate::wall::Wall;
 
 /// A leaded window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -40,6 +41,9 @@ pub struct WindowDesign {
     /// Iron bars on the inside of the glass.
     #[serde(default)]
     pub bars: Bars,
+    /// The wall around the opening. Default: none, for a building that has its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wall: Option<Wall>,
     /// Standard deviation of the rotation of pieces about x and y, degrees; 0 to 5. None exceeds three of them.
     #[serde(default = "tilt")]
     #[schemars(range(min = 0.0, max = 5.0))]
@@ -75,6 +79,7 @@ impl WindowDesign {
             glass: GlassPattern::default(),
             lead: Lead::default(),
             bars: Bars::default(),
+            wall: None,
             tilt: tilt(),
             thickness_variation: thickness_variation(),
             seed: 0,
@@ -101,6 +106,7 @@ impl WindowDesign {
         self.glass.validate("glass")?;
         self.lead.validate("lead")?;
         self.bars.validate("bars")?;
+        self.wall.as_ref().map_or(Ok(()), |wall| wall.validate("wall"))?;
         check("", "tilt", self.tilt, 0.0..=5.0, "degrees")?;
         check("", "thickness_variation", self.thickness_variation, 0.0..=0.3, "")
     }
@@ -142,7 +148,9 @@ impl WindowDesign {
         let lights: Vec<_> = lights.iter().map(Outline::polygon).collect();
         let bars = self.bars.place(&outline, &lights, self.lead.cames().map_or(CLEARANCE, Cames::half_depth));
         let lead = self.lead.cames().cloned();
-        Ok(WindowPlan { outline, lights, stone, pieces, cames, lead, joints, bars })
+        let frame_depth = stone.as_ref().map_or(0.0, |stone: &StoneFrame| stone.depth);
+        let wall = self.wall.as_ref().map(|wall| wall.plan(&form.outline, frame_depth, "wall")).transpose()?;
+        Ok(WindowPlan { outline, lights, stone, wall, pieces, cames, lead, joints, bars })
     }
 
     /// The tracery around the lights.

@@ -29,6 +29,7 @@ mod random;
 mod stone;
 mod svg;
 mod tracery;
+mod wall;
 
 pub use bars::{Bar, BarSection, Bars, Ferramenta, SaddleBars};
 pub use design::WindowDesign;
@@ -42,3 +43,4 @@ pub use plan::{Came, Piece, PiecePlace, SheetCut, SolderJoint, WindowPlan, Zone}
 pub use stone::{StoneFrame, StoneHole, StoneSection};
 pub use svg::{DrawingStyle, svg};
 pub use tracery::{Geometrical, Intersecting, Mullions, Tracery};
+pub use wall::{PlannedWall, Wall};

@@ -10,6 +10,7 @@ use glam::DVec2;
 use crate::bars::Bar;
 use crate::lead::Cames;
 use crate::stone::StoneFrame;
+use crate::wall::PlannedWall;
 
 /// The plan of a window.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,8 @@ pub struct WindowPlan {
     pub lights: Vec<Vec<DVec2>>,
     /// The tracery, if there is any.
     pub stone: Option<StoneFrame>,
+    /// The wall, if there is to be one.
+    pub wall: Option<PlannedWall>,
     /// The pieces of glass, ordered by their places.
     pub pieces: Vec<Piece>,
     /// The cames.

@@ -16,6 +16,7 @@ mod scene;
 mod submit;
 mod view;
 mod watch;
+mod window;
 mod worker;
 
 use clap::Subcommand;

@@ -6,6 +6,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use clerestory_render_core::document::nave::{PaneCount, nave};
 use clerestory_render_core::document::water::{TriangleCount, WaterSettings, WaterView, lagoon, pool};
 
+use super::window::WindowArguments;
 use crate::failure::Failure;
 use crate::output::print_line;
 use crate::output_file::{check_outputs, write};
@@ -28,6 +29,8 @@ enum GeneratedScene {
     Pool(WaterArguments),
     /// A lagoon with sand and stones in the sun.
     Lagoon(WaterArguments),
+    /// A leaded window in a room, in the sun; or its drawing.
+    Window(WindowArguments),
 }
 
 /// Options of `clerestory scene nave`.
@@ -92,15 +95,14 @@ fn seconds(words: &str) -> Result<f64, String> {
 const LATEST: f64 = 1e9;
 
 pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
-    let (GeneratedScene::Nave(NaveArguments { output, .. })
-    | GeneratedScene::Pool(WaterArguments { output, .. })
-    | GeneratedScene::Lagoon(WaterArguments { output, .. })) = &arguments.scene;
+    let (scene, output) = match &arguments.scene {
+        GeneratedScene::Nave(NaveArguments { panes, output }) => (nave(*panes), output),
+        GeneratedScene::Pool(water) => (pool(&water.settings()), &water.output),
+        GeneratedScene::Lagoon(water) => (lagoon(&water.settings()), &water.output),
+        GeneratedScene::Window(window) => return window.run(),
+    };
     check_outputs(&[("--output", output.as_deref())], &[])?;
-    let text = scene_text(&match &arguments.scene {
-        GeneratedScene::Nave(NaveArguments { panes, .. }) => nave(*panes),
-        GeneratedScene::Pool(water) => pool(&water.settings()),
-        GeneratedScene::Lagoon(water) => lagoon(&water.settings()),
-    });
+    let text = scene_text(&scene);
     match output {
         Some(file) => write(file, format!("{text}\n").as_bytes()),
         None => print_line(&text),

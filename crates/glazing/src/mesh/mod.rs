@@ -6,6 +6,7 @@ mod solder;
 mod stone;
 mod sweep;
 mod triangulate;
+mod wall;
 
 use glam::DVec3;
 
@@ -33,17 +34,20 @@ pub enum MeshPart {
     Iron,
     /// Tracery: one closed surface.
     Stone,
+    /// The wall around the opening: one closed surface.
+    Wall,
 }
 
 impl WindowPlan {
-    /// The triangles of lead, solder, iron and stone; only of parts that the window has. Every edge of a mesh belongs to
+    /// The triangles of lead, solder, iron, stone and wall; only of parts that the window has. Every edge of a mesh belongs to
     /// two triangles.
     pub fn meshes(&self) -> Vec<PlanMesh> {
-        let parts: [(MeshPart, fn(&Self, &mut Triangles)); 4] = [
+        let parts: [(MeshPart, fn(&Self, &mut Triangles)); 5] = [
             (MeshPart::Lead, came::add_cames),
             (MeshPart::Solder, solder::add_solder),
             (MeshPart::Iron, bar::add_bars),
             (MeshPart::Stone, stone::add_stone),
+            (MeshPart::Wall, wall::add_wall),
         ];
         let mesh = |(part, add): (MeshPart, fn(&Self, &mut Triangles))| {
             let mut triangles = Triangles::default();

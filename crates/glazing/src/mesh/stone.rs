@@ -40,7 +40,7 @@ pub(super) fn add_stone(plan: &WindowPlan, triangles: &mut Triangles) {
 
 /// Adds the band between two closed rings that run counterclockwise, of which the first is the upper one where the
 /// stone is inside of them.
-fn add_band(triangles: &mut Triangles, upper: u32, lower: u32, count: u32) {
+pub(super) fn add_band(triangles: &mut Triangles, upper: u32, lower: u32, count: u32) {
     for corner in 0..count {
         let next = (corner + 1) % count;
         triangles.add_quadrilateral([upper + corner, lower + corner, lower + next, upper + next]);

@@ -14,6 +14,7 @@ use crate::scene::SceneParts;
 use crate::scene::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
 use crate::scene::import::ImportDescription;
 use crate::scene::sheet::SheetDescription;
+use crate::scene::window::WindowDescription;
 use crate::specular::registry::IntegratorDescription;
 
 /// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
@@ -53,6 +54,10 @@ pub struct SceneDescription {
     /// Files of other programs, whose meshes, materials and lights are in the scene.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub imports: Vec<ImportDescription>,
+    /// Leaded windows, whose panes, lead, iron and stone are in the scene.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 1024))]
+    pub windows: Vec<WindowDescription>,
     /// Sheets of glass by name, from which panes are cut.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "sheets_with_unique_names")]
     pub sheets: BTreeMap<String, SheetDescription>,
@@ -94,6 +99,7 @@ impl SceneDescription {
             materials: &self.materials,
             meshes: &self.meshes,
             imports: &self.imports,
+            windows: &self.windows,
             sheets: &self.sheets,
             panes: &self.panes,
             lights: &self.lights,

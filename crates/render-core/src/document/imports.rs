@@ -1,4 +1,4 @@
-//! The things of imported files among those of the scene.
+//! The things of imported files and of leaded windows among those of the scene.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -7,6 +7,7 @@ use super::SceneDescription;
 use crate::light::LightDescription;
 use crate::scene::Assets;
 use crate::scene::import::{Expansion, expand};
+use crate::scene::window::{self, WindowExpansion};
 use crate::settings::{JsonPath, SceneError};
 
 /// Most notes on the imports of a scene. Those beyond are counted in the last one.
@@ -16,11 +17,11 @@ pub const MAX_NOTES: usize = 100;
 pub const MAX_NOTE_CHARACTERS: usize = 300;
 
 impl SceneDescription {
-    /// The same scene without imports: their things are among its own.
+    /// The same scene without imports and windows: their things are among its own.
     ///
     /// # Errors
     ///
-    /// When a file makes no sense, or what is in it is no part of a valid scene.
+    /// When a file or a window makes no sense, or what is in it is no part of a valid scene.
     pub fn expanded(&self, assets: &Assets) -> Result<Cow<'_, Self>, SceneError> {
         Ok(self.expanded_with_notes(assets)?.0)
     }
@@ -32,7 +33,7 @@ impl SceneDescription {
     ///
     /// As [`Self::expanded`].
     pub fn expanded_with_notes(&self, assets: &Assets) -> Result<(Cow<'_, Self>, Vec<String>), SceneError> {
-        if self.imports.is_empty() {
+        if self.imports.is_empty() && self.windows.is_empty() {
             return Ok((Cow::Borrowed(self), Vec::new()));
         }
         let mut scene = self.clone();
@@ -50,6 +51,17 @@ impl SceneDescription {
             // A light of the scene itself takes the place of one that the file makes of the same mesh.
             let is_own = |light: &LightDescription| light.mesh().is_some_and(|mesh| own.contains(mesh));
             scene.lights.extend(lights.into_iter().filter(|light| !is_own(light)));
+        }
+        for (index, window) in std::mem::take(&mut scene.windows).iter().enumerate() {
+            let root = JsonPath::Root;
+            let windows = root.member("windows");
+            let WindowExpansion { materials, meshes, sheets, panes } = window::expand(window, &windows.element(index))?;
+            for (name, material) in materials {
+                scene.materials.entry(name).or_insert(material);
+            }
+            scene.sheets.extend(sheets);
+            scene.meshes.extend(meshes);
+            scene.panes.extend(panes);
         }
         scene.validate().map_err(|error| scene.named(error))?;
         Ok((Cow::Owned(scene), bounded(notes)))

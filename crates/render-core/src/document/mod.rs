@@ -29,6 +29,7 @@ mod triangles;
 mod validate;
 mod validate_integrator;
 pub mod water;
+pub mod window_scene;
 
 pub use bundle::{SceneBundle, asset_names, load};
 pub use canonical::{SceneHeader, canonical_json};

@@ -96,6 +96,7 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
         materials: options.materials.iter().map(|(rule, material)| (rule.material.clone(), material.clone())).collect(),
         meshes: Vec::new(),
         imports: vec![import],
+        windows: Vec::new(),
         sheets: std::collections::BTreeMap::new(),
         panes: Vec::new(),
         lights: Vec::new(),

@@ -27,8 +27,9 @@ impl SceneDescription {
         self.compiled_path_filter()?;
         check_sampling(self.sampling, &root.member("sampling"))?;
         self.parts().check_things()?;
-        // The names of imported things are known once their files are read.
-        if self.imports.is_empty() { self.check_integrator_names(&root.member("integrator")) } else { Ok(()) }
+        let is_whole = self.imports.is_empty() && self.windows.is_empty();
+        // The names of imported things, and of those of windows, are known once they are expanded.
+        if is_whole { self.check_integrator_names(&root.member("integrator")) } else { Ok(()) }
     }
 
     /// The path filter, if there is one, ready for use.

@@ -52,8 +52,12 @@ impl PreparedScene {
         if !file.imports.is_empty() {
             begin(BuildStep::Imports { count: file.imports.len() });
         }
+        if !file.windows.is_empty() {
+            begin(BuildStep::Windows { count: file.windows.len() });
+        }
         let (description, import_notes) = file.expanded_with_notes(bundle.assets())?;
-        let name = |error| if file.imports.is_empty() { error } else { description.named(error) };
+        let is_whole = file.imports.is_empty() && file.windows.is_empty();
+        let name = |error| if is_whole { error } else { description.named(error) };
         let scene = Scene::build(description.parts(), bundle.assets(), begin).map_err(name)?;
         begin(BuildStep::SpecularMeshes);
         let cache = MethodCache::default();

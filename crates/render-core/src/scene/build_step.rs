@@ -10,6 +10,11 @@ pub enum BuildStep<'a> {
         /// How many there are.
         count: usize,
     },
+    /// Leaded windows are planned and cut.
+    Windows {
+        /// How many there are.
+        count: usize,
+    },
     /// The pictures of materials are decoded.
     Textures,
     /// The faces of panes are computed or decoded.
@@ -39,6 +44,7 @@ impl fmt::Display for BuildStep<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Imports { count } => write!(formatter, "Reading the imports, {count} in all"),
+            Self::Windows { count } => write!(formatter, "Glazing the windows, {count} in all"),
             Self::Textures => write!(formatter, "Decoding the textures"),
             Self::Panes { count } => write!(formatter, "Building the panes, {count} in all"),
             Self::Mesh { name, number, count } => write!(formatter, "Building mesh {number} of {count}, {name:?}"),

@@ -39,6 +39,7 @@ mod validate_faces;
 mod validate_places;
 pub(crate) mod visibility;
 pub(crate) mod waves;
+pub mod window;
 
 pub use crate::settings::{AssetProblem, SceneError, limits};
 pub use assets::{Asset, Assets};

@@ -1,9 +1,11 @@
 //! Which panes light can come through at all: a tree over the panes of a scene that leaves out most of them at once.
 //!
-//! A pane bends light by a bounded angle. So light can come through a pane only if the directions from point to pane
-//! and from pane to light are nearly the same. Let n be the index of a pane whose faces have slopes of at most s1 and
-//! s2. Then the tangential part of a ray's direction changes by at most `D = sqrt(n^2 - 1) (s1 + s2)`. The part along
-//! the normal follows. All angles are compared as chords between unit vectors, which add up like them or to less.
+//! A pane bends light by a bounded angle. Let g1 and g2 be the gradients of its faces, a and w the directions of a ray
+//! before and behind it, and t their parts along the pane. Then `w_t - a_t = k2 g2 - k1 g1` ([`crate::specular::window`]),
+//! with strengths k that depend on the index and on the angle of incidence alone. So light can come through a pane only
+//! if the direction from the point to the pane, bent like this, is nearly that from the pane to the light. Small panes
+//! bend all light nearly alike, so this leaves few of them. All angles are compared as chords between unit vectors,
+//! which add up like them or to less.
 //!
 //! Where a pane mirrors light, a normal of its face halves the angle between the directions to the point and to the
 //! light. So their sum has a tangential part of at most the largest slope times its part along the pane's normal. Over
@@ -12,19 +14,15 @@
 use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
 
-use crate::{
-    geometry::{Face, Pane},
-    light::{Light, LightBounds, Source},
-};
+use crate::geometry::{Face, Pane};
+use crate::light::{Light, LightBounds, Source};
+use crate::math::Interval;
 
 /// Panes for which no memory is allocated.
 const USUAL_PANES: usize = 8;
 
 /// Numbers of panes.
 pub(crate) type Panes = SmallVec<[u32; USUAL_PANES]>;
-
-/// Normals whose chord is shorter are the same.
-const SAME_NORMAL: f64 = 1e-9;
 
 /// Room for rounding in a comparison of chords.
 const SLACK: f64 = 1e-9;
@@ -41,16 +39,37 @@ pub(crate) struct PaneTree {
 
 #[derive(Clone, Debug)]
 struct Node {
-    /// A ball around all panes.
+    /// All panes.
+    place: Ball,
+    /// Their unit normals.
+    normals: Ball,
+    /// Gradients of the back face less those of the front face, in the world.
+    bends: Ball,
+    /// Largest slope of a face, and largest sum of those of both faces.
+    slope: f64,
+    slopes: f64,
+    /// Smallest and largest index of refraction.
+    index: [f64; 2],
+    content: Content,
+}
+
+/// A ball around points.
+#[derive(Clone, Copy, Debug)]
+struct Ball {
     centre: DVec3,
     radius: f64,
-    /// The normal of all panes, when it is the same.
-    normal: Option<DVec3>,
-    /// Largest change of the tangential part of a direction.
-    change: f64,
-    /// Largest slope of a face.
-    slope: f64,
-    content: Content,
+}
+
+impl Ball {
+    /// A ball around balls, about the middle of their centres.
+    fn around(balls: impl Iterator<Item = Self> + Clone) -> Self {
+        let (min, max) = balls.clone().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), ball| {
+            (min.min(ball.centre), max.max(ball.centre))
+        });
+        let centre = (min + max) * 0.5;
+        let radius = balls.map(|ball| (ball.centre - centre).length() + ball.radius).fold(0.0, f64::max);
+        Self { centre, radius }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -120,19 +139,21 @@ impl PaneTree {
             return root;
         }
         let (min, max) = leaves.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), leaf| {
-            (min.min(leaf.centre), max.max(leaf.centre))
+            (min.min(leaf.place.centre), max.max(leaf.place.centre))
         });
         let axis = (max - min).max_position();
         let middle = leaves.len() / 2;
-        leaves.select_nth_unstable_by(middle, |a, b| a.centre[axis].total_cmp(&b.centre[axis]));
-        let centre = (min + max) * 0.5;
-        let radius = leaves.iter().map(|leaf| (leaf.centre - centre).length() + leaf.radius).fold(0.0, f64::max);
-        let normal = leaves[0].normal.filter(|first| {
-            leaves.iter().all(|leaf| leaf.normal.is_some_and(|normal| (normal - *first).length() < SAME_NORMAL))
+        leaves.select_nth_unstable_by(middle, |a, b| a.place.centre[axis].total_cmp(&b.place.centre[axis]));
+        let largest = |part: fn(&Node) -> f64| leaves.iter().map(part).fold(f64::NEG_INFINITY, f64::max);
+        self.nodes.push(Node {
+            place: Ball::around(leaves.iter().map(|leaf| leaf.place)),
+            normals: Ball::around(leaves.iter().map(|leaf| leaf.normals)),
+            bends: Ball::around(leaves.iter().map(|leaf| leaf.bends)),
+            slope: largest(|leaf| leaf.slope),
+            slopes: largest(|leaf| leaf.slopes),
+            index: [-largest(|leaf| -leaf.index[0]), largest(|leaf| leaf.index[1])],
+            content: Content::Children([0; 2]),
         });
-        let change = leaves.iter().map(|leaf| leaf.change).fold(0.0, f64::max);
-        let slope = leaves.iter().map(|leaf| leaf.slope).fold(0.0, f64::max);
-        self.nodes.push(Node { centre, radius, normal, change, slope, content: Content::Children([0; 2]) });
         let (first, second) = leaves.split_at_mut(middle);
         let children = [self.add(first), self.add(second)];
         self.nodes[root].content = Content::Children(children);
@@ -173,67 +194,73 @@ impl Node {
         let middle = (low + high) * 0.5;
         let across = |corner: &DVec2| (*corner - middle.truncate()).length_squared();
         let across = pane.outline.corners().iter().map(across).fold(0.0, f64::max);
-        let slope = |face| {
-            let [x, y] = pane.bounds(face).gradient.map(|slope| slope.magnitude());
-            (x * x + y * y).sqrt()
-        };
-        let n = pane.index_of_refraction;
-        let slopes = [slope(Face::Front), slope(Face::Back)];
+        let gradients = [Face::Front, Face::Back].map(|face| pane.bounds(face).gradient);
+        let slopes = gradients.map(|gradient| DVec2::from(gradient.map(|part| part.magnitude())).length());
+        let middle_of = |bounds: &[Interval; 2]| DVec2::from(bounds.map(|part| 0.5 * (part.min + part.max)));
+        let reach_of = |bounds: &[Interval; 2]| DVec2::from(bounds.map(|part| 0.5 * (part.max - part.min)));
+        let [front, back] = &gradients;
+        let bend = (middle_of(back) - middle_of(front)).extend(0.0);
+        let height = high.z - middle.z;
         Self {
-            centre: pane.frame.point_to_world(middle),
-            radius: (across + (high.z - middle.z) * (high.z - middle.z)).sqrt(),
-            normal: Some(pane.frame.vector_to_world(DVec3::Z)),
-            change: (n * n - 1.0).max(0.0).sqrt() * (slopes[0] + slopes[1]),
+            place: Ball { centre: pane.frame.point_to_world(middle), radius: (across + height * height).sqrt() },
+            normals: Ball { centre: pane.frame.vector_to_world(DVec3::Z), radius: 0.0 },
+            bends: Ball {
+                centre: pane.frame.vector_to_world(bend),
+                radius: (reach_of(front) + reach_of(back)).length(),
+            },
             slope: slopes[0].max(slopes[1]),
+            slopes: slopes[0] + slopes[1],
+            index: [pane.index_of_refraction; 2],
             content: Content::Pane(index),
         }
     }
 
     fn may_show(&self, from: DVec3, region: &LightRegion) -> bool {
-        let offset = self.centre - from;
+        let Ball { centre, radius } = self.place;
+        let offset = centre - from;
         let distance = offset.length();
-        if distance <= self.radius {
+        if distance <= radius {
             return true;
         }
-        let Some((onwards, spread)) = region.seen_from_ball(self.centre, self.radius) else { return true };
+        let Some((onwards, spread)) = region.seen_from_ball(centre, radius) else { return true };
         let direction = offset / distance;
-        let sine = self.radius / distance;
-        (direction - onwards).length() <= cap_chord(sine) + self.deflection(direction, sine) + spread + SLACK
+        let slack = cap_chord(radius / distance) + spread + SLACK;
+        let Ball { centre: normal, radius: tilted } = self.normals;
+        let change = onwards - direction;
+        let length = change.length();
+        // Cosines in air at both faces, of any ray to any of the panes.
+        let cosine = direction.dot(normal).abs();
+        let unsure = length + slack + tilted + self.slope;
+        let [least, most] = [(cosine + unsure).min(1.0), (cosine - unsure).max(0.0)];
+        let strongest = strength(self.index[1], most);
+        let weakest = strength(self.index[0], least) / (1.0 + self.slope * self.slope).sqrt();
+        let (mean, off) = (0.5 * (strongest + weakest), 0.5 * (strongest - weakest));
+        let along = change - normal * change.dot(normal);
+        // A normal that is off by a chord turns what is along the pane by as much, twice over.
+        let reach = slack + mean * self.bends.radius + off * self.slopes + 3.0 * tilted * (length + slack);
+        (along - self.bends.centre * mean).length() <= reach
     }
 
     fn may_mirror(&self, from: DVec3, region: &LightRegion) -> bool {
-        let offset = from - self.centre;
+        let Ball { centre, radius } = self.place;
+        let offset = from - centre;
         let distance = offset.length();
-        if distance <= self.radius {
+        if distance <= radius {
             return true;
         }
-        let Some(normal) = self.normal else { return true };
-        let Some((onwards, spread)) = region.seen_from_ball(self.centre, self.radius) else { return true };
+        let Some((onwards, spread)) = region.seen_from_ball(centre, radius) else { return true };
+        let Ball { centre: normal, radius: tilted } = self.normals;
         let sum = offset / distance + onwards;
-        let slack = cap_chord(self.radius / distance) + spread + MIRROR_SLACK;
+        let slack = cap_chord(radius / distance) + spread + MIRROR_SLACK + 3.0 * tilted * sum.length();
         let along = sum.dot(normal);
         let across = (sum - normal * along).length();
         across - slack <= self.slope * (along.abs() + slack)
     }
+}
 
-    /// The longest chord between the directions of a ray before and behind one of the panes, when it meets it within a
-    /// cap of the given sine around `direction`.
-    fn deflection(&self, direction: DVec3, sine: f64) -> f64 {
-        let change = self.change;
-        let at_worst = (change * change + 2.0 * change).sqrt();
-        let Some(normal) = self.normal else { return at_worst };
-        let along = direction.dot(normal).abs();
-        let across = (1.0 - along * along).max(0.0).sqrt();
-        if along <= sine {
-            return at_worst;
-        }
-        let tangential = across * (1.0 - sine * sine).sqrt() + along * sine + change;
-        if tangential >= 1.0 {
-            return at_worst;
-        }
-        let steepness = tangential / (1.0 - tangential * tangential).sqrt();
-        (change * (1.0 + steepness * steepness).sqrt()).min(at_worst)
-    }
+/// By how much a gradient counts, for the cosine in air: `sqrt(n^2 - 1 + c^2) - c`, which falls with the cosine.
+fn strength(index: f64, cosine: f64) -> f64 {
+    (index * index - 1.0 + cosine * cosine).max(0.0).sqrt() - cosine
 }
 
 /// The chord between the axis of a cap and its rim, from the sine of its angular radius; the diameter where there is no

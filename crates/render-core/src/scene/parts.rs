@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
 use super::import::ImportDescription;
 use super::sheet::SheetDescription;
+use super::window::WindowDescription;
 use crate::bsdf::MaterialDescription;
 use crate::light::LightDescription;
 
@@ -21,6 +22,8 @@ pub struct SceneParts<'a> {
     pub meshes: &'a [MeshDescription],
     /// Files of other programs; none once their things are among the others.
     pub imports: &'a [ImportDescription],
+    /// Leaded windows; none once their things are among the others.
+    pub windows: &'a [WindowDescription],
     /// Sheets of glass by name.
     pub sheets: &'a BTreeMap<String, SheetDescription>,
     /// Window panes.

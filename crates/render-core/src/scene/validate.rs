@@ -15,6 +15,7 @@ use super::parts::SceneParts;
 use super::profile;
 use super::sheet::{SheetDescription, check_sheet, face_name};
 use super::waves::MAX_CELLS;
+use super::window::check_windows;
 use crate::bsdf::MaterialDescription;
 use crate::settings::Check;
 use crate::settings::JsonPath;
@@ -24,7 +25,9 @@ use crate::settings::check::{
     MIN_SINE, Names, Number, Numbers, Quoted, check_above, check_asset_name, check_count, check_direction, check_name,
     check_pair, check_range, check_triple,
 };
-use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES, PANE_EDGES};
+use crate::settings::limits::{
+    MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES, MAX_WINDOWS, PANE_EDGES,
+};
 
 impl SceneParts<'_> {
     /// Checks film and camera.
@@ -51,6 +54,8 @@ impl SceneParts<'_> {
         self.check_meshes(&root.member("meshes"))?;
         let is_material = |name: &str| self.materials.contains_key(name);
         check_imports(self.imports, &is_material, &root.member("imports"))?;
+        check_count(self.windows.len(), MAX_WINDOWS, &root.member("windows"))?;
+        check_windows(self.windows, &root.member("windows"))?;
         for (name, sheet) in self.sheets {
             let sheets = root.member("sheets");
             let path = sheets.member(name);

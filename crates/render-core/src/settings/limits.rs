@@ -27,6 +27,9 @@ pub const MAX_COEFFICIENTS: usize = 1 << 25;
 /// Panes of a scene.
 pub const MAX_PANES: usize = 1 << 17;
 
+/// Leaded windows of a scene.
+pub const MAX_WINDOWS: usize = 1024;
+
 /// Lights of a scene.
 pub const MAX_LIGHTS: usize = 4096;
 

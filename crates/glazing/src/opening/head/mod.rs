@@ -61,6 +61,27 @@ pub(crate) trait HeadShape {
 }
 
 impl Head {
+    /// The names of all kinds.
+    pub const NAMES: [&'static str; 8] =
+        ["rectangle", "round", "segmental", "lancet", "equilateral", "drop", "tudor", "ogee"];
+
+    /// A head of this kind with usual proportions over a span, metres; `None` for a name that is no kind.
+    pub fn usual(name: &str, span: f64) -> Option<Self> {
+        Some(match name {
+            "rectangle" => Self::Rectangle,
+            "round" => Self::Round,
+            "segmental" => Self::Segmental(Segmental { rise: 0.15 * span }),
+            "lancet" => Self::Lancet(Lancet { radius: 1.5 * span }),
+            "equilateral" => Self::Equilateral,
+            "drop" => Self::Drop(Drop { radius: 0.75 * span }),
+            "tudor" => {
+                Self::Tudor(Tudor { rise: 0.32 * span, haunch_radius: None, haunch_angle: tudor::haunch_angle() })
+            }
+            "ogee" => Self::Ogee(Ogee { rise: span, radius: None, apex_angle: ogee::apex_angle() }),
+            _ => return None,
+        })
+    }
+
     /// The name in a design, and the settings.
     fn parts(&self) -> (&'static str, &dyn HeadShape) {
         match self {

@@ -30,7 +30,7 @@ pub struct Ogee {
     pub apex_angle: f64,
 }
 
-fn apex_angle() -> f64 {
+pub(super) fn apex_angle() -> f64 {
     40.0
 }
 

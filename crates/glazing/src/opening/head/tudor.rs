@@ -30,7 +30,7 @@ pub struct Tudor {
     pub haunch_angle: f64,
 }
 
-fn haunch_angle() -> f64 {
+pub(super) fn haunch_angle() -> f64 {
     55.0
 }
 

@@ -93,6 +93,7 @@ pub fn nave(panes: PaneCount) -> SceneDescription {
         materials: materials(),
         meshes,
         imports: Vec::new(),
+        windows: Vec::new(),
         sheets: BTreeMap::new(),
         panes: glazing::panes(cuts),
         lights: vec![LightDescription::Sun(SunLight {

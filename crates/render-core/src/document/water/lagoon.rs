@@ -52,6 +52,7 @@ pub fn lagoon(settings: &WaterSettings) -> SceneDescription {
         materials: BTreeMap::from([diffuse("sand", [0.7, 0.62, 0.46]), diffuse("stone", [0.4, 0.38, 0.35]), water()]),
         meshes: vec![surface(waves, DEPTH), sand(), stones.into_mesh("stones", "stone")],
         imports: Vec::new(),
+        windows: Vec::new(),
         sheets: BTreeMap::new(),
         panes: Vec::new(),
         lights: vec![sun([-0.4, 0.3, 1.0])],

@@ -59,6 +59,7 @@ pub fn pool(settings: &WaterSettings) -> SceneDescription {
             balls().into_mesh("balls", "rubber"),
         ],
         imports: Vec::new(),
+        windows: Vec::new(),
         sheets: BTreeMap::new(),
         panes: Vec::new(),
         lights: vec![sun([0.35, -0.45, 1.0])],

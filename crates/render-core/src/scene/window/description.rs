@@ -7,6 +7,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::colour::{GlassColour, named};
 use super::glass::GlassDescription;
 use crate::settings::check::{
     MIN_SINE, Numbers, Quoted, check_above, check_direction, check_name, check_range, check_triple,
@@ -102,6 +103,26 @@ impl WindowDescription {
             outer.glass.check(&path.member("glass"))?;
         }
         check_range(self.name.len(), 1, MAX_WINDOW_NAME_BYTES, &path.member("name"))
+    }
+
+    /// The kind of glass of this name; `None` where there is none.
+    pub(super) fn kind(&self, name: &str) -> Option<GlassDescription> {
+        self.glass.get(name).cloned().or_else(|| {
+            named(name)?;
+            Some(GlassDescription { colour: GlassColour::Named(name.to_owned()), ..GlassDescription::default() })
+        })
+    }
+
+    /// The colour of white light behind a kind of glass, `#RRGGBB` of the sRGB space.
+    pub fn css_colour(&self, name: &str) -> String {
+        let kind = self.kind(name).unwrap_or_default();
+        let tint = kind.colour.tint().unwrap_or_default();
+        let channel = |channel: usize| {
+            let absorbance = tint.body[channel] * kind.thickness + tint.flash[channel] + tint.stain[channel];
+            let value = libm::pow(libm::exp(-absorbance), 1.0 / 2.2);
+            (value * 255.0).round() as u8
+        };
+        format!("#{:02x}{:02x}{:02x}", channel(0), channel(1), channel(2))
     }
 
     /// Unit vectors to the right, upwards and inwards.

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use clerestory_glazing::{MeshPart, Piece, PlanMesh, WindowPlan};
 use glam::{DMat2, DQuat, DVec2, DVec3};
 
-use super::colour::{GlassColour, named};
 use super::description::{OuterGlazing, WindowDescription};
 use super::glass::{Cutting, GlassDescription};
 use crate::bsdf::{DiffuseMaterial, MaterialDescription};
@@ -32,11 +31,12 @@ pub struct WindowExpansion {
 }
 
 /// The materials of what holds the glass, by their names, with their colours.
-const MATERIALS: [(MeshPart, &str, Triple); 4] = [
+const MATERIALS: [(MeshPart, &str, Triple); 5] = [
     (MeshPart::Lead, "lead came", [0.16, 0.16, 0.17]),
     (MeshPart::Solder, "solder", [0.3, 0.3, 0.31]),
     (MeshPart::Iron, "wrought iron", [0.06, 0.055, 0.05]),
     (MeshPart::Stone, "tracery stone", [0.55, 0.5, 0.42]),
+    (MeshPart::Wall, "limewashed wall", [0.72, 0.68, 0.6]),
 ];
 
 /// Plans a window in its plane.
@@ -133,11 +133,8 @@ impl Glazier<'_> {
 
     /// The kind of glass of this name.
     fn kind(&self, name: &str) -> Result<GlassDescription, SceneError> {
-        if let Some(kind) = self.window.glass.get(name) {
-            return Ok(kind.clone());
-        }
-        if named(name).is_some() {
-            return Ok(GlassDescription { colour: GlassColour::Named(name.to_owned()), ..GlassDescription::default() });
+        if let Some(kind) = self.window.kind(name) {
+            return Ok(kind);
         }
         let expected = format!("a kind of glass with the name {}, which the design uses", Quoted(name));
         Err(SceneError::value(&self.path.member("glass"), "no such kind", expected))
@@ -155,8 +152,7 @@ impl Glazier<'_> {
     ) -> Result<SheetCut, SceneError> {
         let sheet_name = format!("{} {name}", self.window.name);
         let seed = text_seed(name) ^ mix(self.window.design.seed);
-        let sheet =
-            expansion.sheets.entry(sheet_name.clone()).or_insert_with(|| kind.sheet.description(seed % SEEDS));
+        let sheet = expansion.sheets.entry(sheet_name.clone()).or_insert_with(|| kind.sheet.description(seed % SEEDS));
         let place = match kind.cutting {
             _ if !kind.sheet.has_relief() => Some((DVec2::ZERO, 0.0)),
             Cutting::InPlace => {
@@ -270,9 +266,9 @@ impl LocalOutline {
 }
 
 fn bounds(corners: &[DVec2]) -> [DVec2; 2] {
-    corners.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[min, max], corner| {
-        [min.min(*corner), max.max(*corner)]
-    })
+    corners
+        .iter()
+        .fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[min, max], corner| [min.min(*corner), max.max(*corner)])
 }
 
 fn is_convex(corners: &[DVec2]) -> bool {

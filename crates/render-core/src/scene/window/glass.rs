@@ -143,9 +143,8 @@ impl SheetDescription {
         [rotation, 0.0, 90.0].into_iter().find_map(|rotation| {
             let (sine, cosine) = libm::sincos(rotation.to_radians());
             let turned = corners.iter().map(|corner| DVec2::new(cosine, sine).rotate(*corner));
-            let (min, max) = turned.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), corner| {
-                (min.min(corner), max.max(corner))
-            });
+            let (min, max) = turned
+                .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), corner| (min.min(corner), max.max(corner)));
             let (low, high) = (-half - min, half - max);
             low.cmple(high).all().then(|| (low + (high - low) * random, rotation))
         })

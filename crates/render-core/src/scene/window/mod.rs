@@ -10,7 +10,7 @@ mod glass;
 
 pub use clerestory_glazing::WindowDesign;
 pub use colour::{COLOURS, GlassColour, HistoricalColour, Tint};
-pub use description::{OuterGlazing, WindowDescription};
 pub(crate) use description::check_windows;
+pub use description::{OuterGlazing, WindowDescription};
 pub use expand::{WindowExpansion, expand, plan};
 pub use glass::{Cutting, GlassDescription, GlassSheet};

@@ -1,0 +1,187 @@
+//! `clerestory scene window`: a leaded window as a scene and as a drawing.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use clerestory_glazing::{
+    Arch, Border, Diamonds, DrawingStyle, Filling, GlassPattern, Head, Intersecting, MixedGlass, Mullions, Opening,
+    Rectangles, Roundels, Tracery, UniformGlass, Wall, WeightedGlass, WindowDesign, svg,
+};
+use clerestory_render_core::document::window_scene::{window_of, window_scene};
+use clerestory_render_core::document::{Override, SceneDescription, apply};
+use clerestory_render_core::scene::SceneError;
+use clerestory_render_core::scene::window::{GlassDescription, OuterGlazing, WindowDescription, expand, plan};
+use clerestory_render_core::settings::JsonPath;
+
+use crate::failure::Failure;
+use crate::numbers::whole;
+use crate::output::print_line;
+use crate::output_file::{check_outputs, write};
+use crate::scene_text::scene_text;
+
+/// Options of `clerestory scene window`.
+#[derive(Debug, Args)]
+pub(super) struct WindowArguments {
+    /// From jamb to jamb, metres.
+    #[arg(long, value_name = "METRES", default_value_t = 0.7)]
+    width: f64,
+    /// From the sill to the highest point, metres.
+    #[arg(long, value_name = "METRES", default_value_t = 1.9)]
+    height: f64,
+    /// What closes the opening above, in usual proportions.
+    #[arg(long, value_name = "HEAD", default_value = "lancet", value_parser = PossibleValuesParser::new(Head::NAMES))]
+    head: String,
+    /// Lights side by side; more than one are divided by stone.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=12))]
+    lights: u32,
+    /// How the mullions of several lights end: straight up to the head, or in arcs that cross.
+    #[arg(long, value_name = "TRACERY", default_value = "mullions", value_parser = ["mullions", "intersecting"])]
+    tracery: String,
+    /// How each light is divided into pieces.
+    #[arg(
+        long, value_name = "FILLING", default_value = "diamonds",
+        value_parser = ["diamonds", "rectangles", "roundels", "border", "plain"]
+    )]
+    filling: String,
+    /// Width and height of a quarry, or the diameter of a roundel, metres.
+    #[arg(long, value_name = "WxH")]
+    quarry: Option<Quarry>,
+    /// Kinds of glass, by the names of historical colours, mixed at random.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = "sheet")]
+    glass: Vec<String>,
+    /// A flat protective pane outside.
+    #[arg(long)]
+    outer: bool,
+    /// Seed of everything that differs from piece to piece.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u64::MAX))]
+    seed: u64,
+    /// Another value for a member of the window, by its path: `design.lead.cames.flange_width=0.012`,
+    /// `design.opening.arch.head={"ogee":{"rise":0.8}}`, `outer={"distance":0.1}`. Can be given several times.
+    #[arg(long, value_name = "PATH=VALUE", value_parser = change)]
+    set: Vec<Override>,
+    /// The scene file to write [default: standard output, where there is no drawing].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// The drawing to write, an SVG file.
+    #[arg(long, value_name = "FILE")]
+    drawing: Option<PathBuf>,
+}
+
+/// A width and a height, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Quarry([f64; 2]);
+
+impl FromStr for Quarry {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (width, height) = text.split_once('x').unwrap_or((text, text));
+        let [width, height] = [width, height].map(|part| part.trim().parse::<f64>().ok().filter(|size| *size > 0.0));
+        match (width, height) {
+            (Some(width), Some(height)) => Ok(Self([width, height])),
+            _ => Err(format!("found {text}, expected metres such as 0.1x0.15, or one number for both")),
+        }
+    }
+}
+
+/// The place of the window in its scene, before which paths start.
+const WINDOW: &str = "windows[window].";
+
+fn change(text: &str) -> Result<Override, String> {
+    format!("{WINDOW}{text}")
+        .parse()
+        .map_err(|error: clerestory_render_core::document::OverrideError| error.to_string())
+}
+
+impl WindowArguments {
+    pub(super) fn run(&self) -> Result<(), Failure> {
+        let outputs = [("--output", self.output.as_deref()), ("--drawing", self.drawing.as_deref())];
+        check_outputs(&outputs, &[])?;
+        let usual = window_scene(self.window()).map_err(unusable)?;
+        let scene = apply(&self.set, &usual).map_err(|error| Failure::Usage(format!("--set {error}")))?;
+        // The room follows the window as it has become.
+        let Some(window) = scene.windows.into_iter().next() else { return Ok(()) };
+        let scene = window_scene(window).map_err(unusable)?;
+        scene.validate().map_err(unusable)?;
+        if let Some(file) = &self.drawing {
+            write(file, drawing(&scene)?.as_bytes())?;
+        }
+        let text = scene_text(&scene);
+        match &self.output {
+            Some(file) => write(file, format!("{text}\n").as_bytes()),
+            None if self.drawing.is_some() => Ok(()),
+            None => print_line(&text),
+        }
+    }
+
+    /// The window that the options describe.
+    fn window(&self) -> WindowDescription {
+        let head = Head::usual(&self.head, self.width).unwrap_or_default();
+        let opening = Opening::Arch(Arch { width: self.width, height: self.height, head });
+        let mut design = WindowDesign::new(opening);
+        design.tracery = match (self.lights, self.tracery.as_str()) {
+            (1, _) => Tracery::None,
+            (2, "intersecting") => Tracery::Y,
+            (lights, "intersecting") => Tracery::Intersecting(Intersecting { lights }),
+            (lights, _) => Tracery::Mullions(Mullions { lights, head: None }),
+        };
+        design.filling = self.filling();
+        design.glass = match self.glass.as_slice() {
+            [name] => GlassPattern::Uniform(UniformGlass { name: name.clone() }),
+            names => {
+                let kind = |name: &String| WeightedGlass { name: name.clone(), weight: 1.0 };
+                GlassPattern::Mixed(MixedGlass { kinds: names.iter().map(kind).collect() })
+            }
+        };
+        design.seed = self.seed;
+        design.wall = Some(Wall::default());
+        let mut window = window_of(design, BTreeMap::new());
+        window.outer = self.outer.then(|| OuterGlazing { distance: 0.06, glass: GlassDescription::float() });
+        window
+    }
+
+    fn filling(&self) -> Filling {
+        let diamonds = || match self.quarry {
+            Some(Quarry([width, height])) => Diamonds { width, height },
+            None => Diamonds::default(),
+        };
+        match self.filling.as_str() {
+            "plain" => Filling::Plain,
+            "rectangles" => {
+                let usual = Rectangles::default();
+                let Quarry([width, height]) = self.quarry.unwrap_or(Quarry([usual.width, usual.height]));
+                Filling::Rectangles(Rectangles { width, height, ..usual })
+            }
+            "roundels" => {
+                let usual = Roundels::default();
+                let Quarry([diameter, _]) = self.quarry.unwrap_or(Quarry([usual.diameter; 2]));
+                Filling::Roundels(Roundels { diameter, ..usual })
+            }
+            "border" => {
+                let field = Box::new(Filling::Diamonds(diamonds()));
+                Filling::Border(Border { width: 0.06, length: None, glass: None, field })
+            }
+            _ => Filling::Diamonds(diamonds()),
+        }
+    }
+}
+
+fn unusable(error: SceneError) -> Failure {
+    Failure::Usage(format!("this is no window: {error}"))
+}
+
+/// The elevation of a scene's window.
+fn drawing(scene: &SceneDescription) -> Result<String, Failure> {
+    let root = JsonPath::Root;
+    let windows = root.member("windows");
+    let Some(window) = scene.windows.first() else { return Ok(String::new()) };
+    let path = windows.element(0);
+    // Says what is wrong with the glass, which a drawing does not need.
+    expand(window, &path).map_err(unusable)?;
+    let plan = plan(window, &path).map_err(unusable)?;
+    let colours = window.design.glass_names().into_iter().map(|name| (name.to_owned(), window.css_colour(name)));
+    Ok(svg(&plan, &DrawingStyle { colours: colours.collect(), ..DrawingStyle::default() }))
+}

@@ -1,0 +1,119 @@
+//! A scene to look at a leaded window: a room of lime-washed walls whose only light comes through it.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3};
+
+use super::triangles::{Triangles, rounded};
+use super::{SamplingDescription, SceneDescription};
+use crate::bsdf::{DiffuseMaterial, MaterialDescription};
+use crate::light::{EnvironmentLight, EnvironmentRadiance, LightDescription, SunLight};
+use crate::scene::description::{CameraDescription, FilmDescription, MeshDescription};
+use crate::scene::window::{GlassDescription, WindowDescription, WindowDesign, plan};
+use crate::settings::{JsonPath, SCENE_FORMAT_VERSION, SceneError, Triple};
+use crate::specular::registry::IntegratorDescription;
+use crate::texture::ColourDescription;
+
+/// From the sill to the floor, metres.
+const SILL: f64 = 1.0;
+
+/// From the window to the far wall, metres, as a multiple of the wall's height.
+const DEPTH: f64 = 1.4;
+
+/// A window in a wall in the plane y = 0, with the inside towards -y.
+pub fn window_of(design: WindowDesign, glass: BTreeMap<String, GlassDescription>) -> WindowDescription {
+    WindowDescription {
+        name: "window".to_owned(),
+        sill: [0.0, 0.0, SILL],
+        x_axis: [1.0, 0.0, 0.0],
+        y_axis: [0.0, 0.0, 1.0],
+        design,
+        glass,
+        outer: None,
+    }
+}
+
+/// A room around such a window, in the morning sun. The window's own wall closes it.
+///
+/// # Errors
+///
+/// When the window cannot be planned.
+pub fn window_scene(window: WindowDescription) -> Result<SceneDescription, SceneError> {
+    let root = JsonPath::Root;
+    let windows = root.member("windows");
+    let plan = plan(&window, &windows.element(0))?;
+    let edge = plan.wall.as_ref().map_or(&plan.outline, |wall| &wall.outline);
+    let corners = edge
+        .iter()
+        .fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], corner| [low.min(*corner), high.max(*corner)]);
+    let inside = plan.wall.as_ref().and_then(|wall| wall.hole.first()).map_or(0.0, |(z, _)| *z);
+    let sill = DVec3::from(window.sill);
+    let (low, high) = (corners[0] + DVec2::new(sill.x, sill.z), corners[1] + DVec2::new(sill.x, sill.z));
+    let (near, height) = (sill.y - inside, high.y - low.y);
+    let far = near - DEPTH * height;
+    let opening_top = plan.outline.iter().map(|corner| corner.y).fold(0.0, f64::max);
+    let eye = [low.x + 0.72 * (high.x - low.x), far + 0.25, low.y + 0.55 * height];
+    let target = [sill.x, near - 0.25 * (near - far), sill.z + 0.25 * opening_top];
+    let [eye, target] = [eye, target].map(|place| place.map(rounded));
+    Ok(SceneDescription {
+        version: SCENE_FORMAT_VERSION,
+        name: "A leaded window".to_owned(),
+        seed: 1,
+        film: FilmDescription { width: 480, height: 600 },
+        camera: CameraDescription::Perspective {
+            position: eye,
+            look_at: target,
+            up: [0.0, 0.0, 1.0],
+            vertical_field_of_view: 62.0,
+        },
+        integrator: IntegratorDescription::default(),
+        path_filter: None,
+        sampling: SamplingDescription::default(),
+        materials: materials(),
+        meshes: room([low.x, far, low.y], [high.x, near, high.y]),
+        imports: Vec::new(),
+        windows: vec![window],
+        sheets: BTreeMap::new(),
+        panes: Vec::new(),
+        lights: lights(),
+    })
+}
+
+fn materials() -> BTreeMap<String, MaterialDescription> {
+    let diffuse = |name: &str, colour: Triple| {
+        let reflectance = ColourDescription::Colour(colour);
+        (name.to_owned(), MaterialDescription::Diffuse(DiffuseMaterial { reflectance }))
+    };
+    BTreeMap::from([diffuse("flagstones", [0.42, 0.38, 0.33]), diffuse("limewash", [0.72, 0.68, 0.6])])
+}
+
+/// Floor, ceiling and three walls of a box; the fourth, at the largest y, is that of the window.
+fn room([x0, y0, z0]: Triple, [x1, y1, z1]: Triple) -> Vec<MeshDescription> {
+    let [x0, y0, z0, x1, y1, z1] = [x0, y0, z0, x1, y1, z1].map(rounded);
+    let mut floor = Triangles::default();
+    floor.add_quadrilateral([[x0, y0, z0], [x1, y0, z0], [x1, y1, z0], [x0, y1, z0]]);
+    let mut walls = Triangles::default();
+    walls.add_quadrilateral([[x0, y0, z1], [x1, y0, z1], [x1, y1, z1], [x0, y1, z1]]);
+    walls.add_quadrilateral([[x0, y0, z0], [x0, y0, z1], [x0, y1, z1], [x0, y1, z0]]);
+    walls.add_quadrilateral([[x1, y0, z0], [x1, y0, z1], [x1, y1, z1], [x1, y1, z0]]);
+    walls.add_quadrilateral([[x0, y0, z0], [x1, y0, z0], [x1, y0, z1], [x0, y0, z1]]);
+    vec![floor.into_mesh("floor", "flagstones"), walls.into_mesh("walls", "limewash")]
+}
+
+fn lights() -> Vec<LightDescription> {
+    vec![
+        LightDescription::Sun(SunLight {
+            name: "sun".to_owned(),
+            // 36 degrees high, 22 degrees to the side.
+            direction: [0.3, 0.75, 0.59],
+            angular_radius: 0.27,
+            radiance: [41_000.0, 37_000.0, 31_000.0],
+        }),
+        LightDescription::Environment(EnvironmentLight {
+            name: "sky".to_owned(),
+            radiance: EnvironmentRadiance::Colour([0.35, 0.45, 0.6]),
+            scale: 1.0,
+            rotate: [0.0; 3],
+        }),
+    ]
+}
