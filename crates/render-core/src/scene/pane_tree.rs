@@ -107,7 +107,7 @@ impl LightRegion {
 
     /// The direction towards it from the middle of a ball, and the longest chord between that and the direction from
     /// another point of the ball; `None` when they may meet.
-    fn seen_from_ball(&self, middle: DVec3, ball_radius: f64) -> Option<(DVec3, f64)> {
+    pub(crate) fn seen_from_ball(&self, middle: DVec3, ball_radius: f64) -> Option<(DVec3, f64)> {
         match *self {
             Self::Cap { direction, chord } => Some((direction, chord)),
             Self::Ball { centre, radius } => {

@@ -10,9 +10,9 @@ use std::collections::VecDeque;
 use glam::{DVec2, DVec3};
 
 use super::side::{PaneSide, Transmission};
-use super::window::{SourceBounds, Window};
+use super::window::{SourceBounds, Window, seen_face};
 use super::{Arrival, coverage};
-use crate::geometry::{Frame, Ray, Shape, SurfaceId};
+use crate::geometry::{Frame, Pane, Ray, SeenOutline, Shape, SurfaceId};
 use crate::light::{Light, LightBounds, LightHit};
 use crate::math::Rect;
 use crate::scene::Scene;
@@ -90,19 +90,20 @@ pub(super) struct LightSample {
 /// Slopes that spread the end points by less than this part of the light's extent are not worth telling apart.
 const SETTLED: f64 = 0.5;
 
+/// A pane is smaller than a light if its angular radius is less than this part of the light's.
+const COVERED: f64 = 0.7;
+
 /// Successive multiples of it, modulo 1, are the most evenly spread.
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
 impl<'a> LightView<'a> {
     /// The view of a light, which is empty for a point light and for one that is all around.
     pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
-        let (mut apertures, mut windows) = (Vec::new(), Vec::new());
+        let (mut apertures, mut windows, mut patches) = (Vec::new(), Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
-        let candidates = if source.is_delta() {
-            Panes::new()
-        } else {
-            scene.pane_tree().candidates(point.position, &LightRegion::of_light(source))
-        };
+        let region = LightRegion::of_light(source);
+        let candidates =
+            if source.is_delta() { Panes::new() } else { scene.pane_tree().candidates(point.position, &region) };
         for index in candidates {
             let pane = &scene.panes()[index as usize];
             let origin = pane.frame.point_to_local(point.position);
@@ -111,17 +112,21 @@ impl<'a> LightView<'a> {
                 continue;
             }
             let Some(bounds) = light_bounds(source, &pane.frame) else { continue };
-            let Some(window) = Window::new(&side, origin, &bounds) else { continue };
-            windows.push(window);
+            let aperture = apertures.len();
+            if covers(&region, pane, point.position) {
+                let Some(seen) = seen_face(&side, origin) else { continue };
+                patches.extend(Patch::of(aperture, &side, origin, &seen.outline, *seen.outline.rect()));
+            } else {
+                let Some(window) = Window::new(&side, origin, &bounds) else { continue };
+                windows.push((aperture, window));
+            }
             apertures.push(PaneAperture { pane: index, side, origin });
         }
-        let patch = |(aperture, rect): (usize, Rect)| {
-            let PaneAperture { side, origin, .. } = &apertures[aperture];
-            let shape = windows[aperture].shape(&rect)?;
-            let weight = shape.area() * solid_angle(side, *origin, rect.centre());
-            (weight > 0.0).then_some(Patch { aperture, rect, shape, weight })
-        };
-        let patches: Vec<Patch> = cut(&windows, effort.parts).into_iter().filter_map(patch).collect();
+        for (aperture, rect) in cut(&windows, effort.parts) {
+            let PaneAperture { side, origin, .. } = &apertures[windows[aperture].0];
+            let (aperture, window) = &windows[aperture];
+            patches.extend(Patch::of(*aperture, side, *origin, window.outline(), rect));
+        }
         let total: f64 = patches.iter().map(|patch| patch.weight).sum();
         let stride = total / f64::from(effort.rays);
         Self { scene, point, light, apertures, patches, rays: effort.rays, stride }
@@ -221,11 +226,11 @@ impl PaneAperture<'_> {
 /// Cuts windows into about `most` parts in all: by halves, the parts of all windows in turn, until each is settled or
 /// `most` is reached. Leaves out those from which no light can reach the source. Each part comes with the index of its
 /// window.
-fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
+fn cut(windows: &[(usize, Window<'_>)], most: usize) -> Vec<(usize, Rect)> {
     let capacity = most.max(windows.len());
     let (mut open, mut done) = (VecDeque::with_capacity(capacity), Vec::with_capacity(capacity));
     let keep = |index: usize, rect: &Rect, open: &mut VecDeque<_>, done: &mut Vec<_>| {
-        let window = &windows[index];
+        let (_, window) = &windows[index];
         let Some(part) = window.part(rect) else { return };
         if part.spread.cmple(window.deflection().extent() * SETTLED).all() {
             done.push((index, part.rect));
@@ -233,7 +238,7 @@ fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
             open.push_back((index, part.rect));
         }
     };
-    for (index, window) in windows.iter().enumerate() {
+    for (index, (_, window)) in windows.iter().enumerate() {
         keep(index, window.rect(), &mut open, &mut done);
     }
     while open.len() + done.len() < most
@@ -247,7 +252,23 @@ fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
     done
 }
 
+/// Whether a light covers so much of the sky around a pane, as a point sees both, that its window is all of the pane: the
+/// pane is smaller than the light.
+fn covers(region: &LightRegion, pane: &Pane, from: DVec3) -> bool {
+    let bounds = pane.outline.bounds();
+    let centre = pane.frame.point_to_world(bounds.centre().extend(0.0));
+    let radius = 0.5 * (bounds.max - bounds.min).length();
+    region.seen_from_ball(centre, 0.0).is_some_and(|(_, extent)| radius < COVERED * extent * centre.distance(from))
+}
+
 impl Patch {
+    /// What the lead leaves of a rectangle of an aperture; `None` where that is nothing.
+    fn of(aperture: usize, side: &PaneSide<'_>, origin: DVec3, outline: &SeenOutline<'_>, rect: Rect) -> Option<Self> {
+        let shape = outline.shape(&rect)?;
+        let weight = shape.area() * solid_angle(side, origin, rect.centre());
+        (weight > 0.0).then_some(Self { aperture, rect, shape, weight })
+    }
+
     /// Expected number of rays for each unit of solid angle, when there is one for each `stride` of the patches'
     /// weights.
     fn density(&self, stride: f64, aperture: &PaneAperture<'_>, place: DVec2) -> f64 {

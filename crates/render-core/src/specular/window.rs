@@ -21,7 +21,7 @@ use super::{
     direction_bounds::cap_bounds,
     side::{GRAZING_COSINE, PaneSide},
 };
-use crate::geometry::{SeenOutline, Shape, ShapeBounds};
+use crate::geometry::{SeenOutline, ShapeBounds};
 use crate::math::simd::{Instructions, LaneRects, Mask};
 use crate::math::{Interval, Rect};
 
@@ -107,10 +107,9 @@ impl<'a> Window<'a> {
         (!rect.is_empty()).then_some(Part { rect, spread })
     }
 
-    /// What of a part of the window the lead does not cover, whatever the height of the relief; `None` where it covers
-    /// all.
-    pub(super) fn shape(&self, part: &Rect) -> Option<Shape> {
-        self.outline.shape(part)
+    /// What of the near plane the lead does not cover, whatever the height of the relief.
+    pub(super) fn outline(&self) -> &SeenOutline<'a> {
+        &self.outline
     }
 
     /// As [`Self::part`], for four parts with the shapes of both faces there; and for which of them anything can.

@@ -102,7 +102,7 @@ impl<'a> PathSearch<'a> {
     pub fn solve(&self, mut random: impl FnMut() -> DVec2, counters: &mut Counters) -> Option<Root> {
         match self.solver {
             FneeSolver::Complete => {
-                let place = self.window.shape(self.window.rect())?.sample(random());
+                let place = self.window.outline().shape(self.window.rect())?.sample(random());
                 let seed = self.connection.thin_seed(place, counters)?;
                 solve_complete(&self.connection, seed, &self.region, counters)
             }
