@@ -73,10 +73,7 @@ impl Glazier<'_> {
             let corners = arrangement.corners(face);
             let middle = polygon::inner_point(&corners);
             let cell = locate(middle);
-            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS).ok_or_else(|| {
-                let found = format!("a piece around {middle:.3} metres that touches itself or is too intricate");
-                GlazingError::new("filling", found, "pieces that lead lines can cut into convex ones")
-            })?;
+            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS).ok_or_else(|| uncut(middle))?;
             for cut in parts.cuts {
                 lead.add_cut(cut);
             }
@@ -84,6 +81,9 @@ impl Glazier<'_> {
                 let glass = self.glass_edge(&part);
                 if polygon::area(&glass) < MIN_AREA {
                     continue;
+                }
+                if !polygon::is_convex(&glass) {
+                    return Err(uncut(middle));
                 }
                 let Cell { zone, row, column, .. } = cell;
                 let number = numbers.entry((zone, row, column)).or_insert(0);
@@ -126,6 +126,12 @@ impl Glazier<'_> {
     }
 }
 
+/// A piece that cannot be cut into convex ones.
+fn uncut(at: DVec2) -> GlazingError {
+    let found = format!("a piece around {at:.3} metres that touches itself or is too intricate");
+    GlazingError::new("filling", found, "pieces that lead lines can cut into convex ones")
+}
+
 /// Collects the cames and joints of a light.
 struct LeadLines<'a> {
     settings: Option<&'a Cames>,
@@ -151,7 +157,8 @@ impl<'a> LeadLines<'a> {
         self.is_border[joint] |= is_border;
     }
 
-    /// Cames along the edges of an arrangement. Edges of a line that follow each other are one came, up to a sharp turn.
+    /// Cames along the edges of an arrangement. Edges of a line that follow each other are one came, up to a sharp
+    /// turn.
     fn add_edges(&mut self, arrangement: &Arrangement) {
         if self.settings.is_none() {
             return;

@@ -142,9 +142,9 @@ pub(crate) fn inset_convex(corners: &[DVec2], width: f64) -> Vec<DVec2> {
     cleaned(&inset, 1e-9)
 }
 
-/// Whether every corner turns left, by more than a deviation from the line of its neighbours.
-pub(crate) fn is_convex(corners: &[DVec2], deviation: f64) -> bool {
-    corners.len() >= 3 && (0..corners.len()).all(|index| bulge(corners, index) > deviation)
+/// Whether a simple polygon turns left at every corner.
+pub(crate) fn is_convex(corners: &[DVec2]) -> bool {
+    corners.len() >= 3 && (0..corners.len()).all(|index| bulge(corners, index) > 0.0)
 }
 
 /// How far a corner lies outside of the line from the corner before it to the one after it.

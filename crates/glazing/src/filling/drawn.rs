@@ -130,7 +130,8 @@ impl Drawn {
                 return Err(format!("simple enough for {MAX_CORNERS} corners"));
             }
         }
-        if corners.iter().any(|corner| !(corner.abs().max_element() < 1000.0)) {
+        let is_near = |corner: &DVec2| corner.is_finite() && corner.abs().max_element() < 1000.0;
+        if !corners.iter().all(is_near) {
             return Err("within 1000 metres".to_owned());
         }
         corners.dedup_by(|next, corner| next.distance(*corner) < 1e-9);
@@ -139,7 +140,7 @@ impl Drawn {
         }
         let corners = polygon::cleaned(&corners, 1e-9);
         let area = polygon::area(&corners);
-        if !(area >= MIN_AREA) {
+        if area < MIN_AREA {
             return Err(format!("an outline around at least {MIN_AREA} square metres, not {area:.3e}"));
         }
         if let Some(at) = polygon::crossing(&corners) {
@@ -155,7 +156,7 @@ impl Drawn {
 fn flatten([a, b, c, d]: [DVec2; 4], corners: &mut Vec<DVec2>) -> Result<(), String> {
     let bend = (a - 2.0 * b + c).length().max((b - 2.0 * c + d).length());
     let wanted = (0.75 * bend / FLATNESS).sqrt().ceil().max(1.0);
-    if !(wanted <= MAX_CORNERS as f64) {
+    if wanted.is_nan() || wanted > MAX_CORNERS as f64 {
         return Err(format!("simple enough for {MAX_CORNERS} corners"));
     }
     for step in 1..=wanted as u32 {

@@ -36,21 +36,21 @@ pub enum MeshPart {
 }
 
 impl WindowPlan {
-    /// The triangles of lead, solder, iron and stone; only of parts that the window has. Every edge of a mesh belongs to
-    /// two triangles.
+    /// The triangles of lead, solder, iron and stone; only of parts that the window has. Every edge of a mesh belongs
+    /// to two triangles.
     pub fn meshes(&self) -> Vec<PlanMesh> {
-        let parts: [(MeshPart, fn(&Self, &mut Triangles)); 4] = [
-            (MeshPart::Lead, came::add_cames),
-            (MeshPart::Solder, solder::add_solder),
-            (MeshPart::Iron, bar::add_bars),
-            (MeshPart::Stone, stone::add_stone),
-        ];
-        let mesh = |(part, add): (MeshPart, fn(&Self, &mut Triangles))| {
+        let mesh = |part, add: fn(&Self, &mut Triangles)| {
             let mut triangles = Triangles::default();
             add(self, &mut triangles);
             PlanMesh { part, positions: triangles.positions, triangles: triangles.triangles }
         };
-        parts.into_iter().map(mesh).filter(|mesh| !mesh.triangles.is_empty()).collect()
+        let parts = [
+            mesh(MeshPart::Lead, came::add_cames),
+            mesh(MeshPart::Solder, solder::add_solder),
+            mesh(MeshPart::Iron, bar::add_bars),
+            mesh(MeshPart::Stone, stone::add_stone),
+        ];
+        parts.into_iter().filter(|mesh| !mesh.triangles.is_empty()).collect()
     }
 }
 

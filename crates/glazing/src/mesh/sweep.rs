@@ -17,7 +17,7 @@ pub(super) fn add_sweep(triangles: &mut Triangles, path: &[DVec2], is_closed: bo
     let direction = |from: usize, to: usize| (path[to] - path[from]).normalize_or_zero();
     let size = section.len() as u32;
     let mut first = 0;
-    for index in 0..count {
+    for (index, &point) in path.iter().enumerate() {
         let before = if index > 0 { Some(index - 1) } else { is_closed.then_some(count - 1) };
         let after = if index + 1 < count { Some(index + 1) } else { is_closed.then_some(0) };
         let arriving = before.map(|before| direction(before, index));
@@ -30,7 +30,7 @@ pub(super) fn add_sweep(triangles: &mut Triangles, path: &[DVec2], is_closed: bo
         // The mitre: as far from the lines of both segments.
         let along = (arriving + leaving).normalize_or_zero();
         let left = along.perp() * (1.0 / along.dot(leaving)).clamp(1.0, LARGEST_MITRE);
-        let ring = section.iter().map(|corner| (path[index] + left * corner.x).extend(corner.y));
+        let ring = section.iter().map(|corner| (point + left * corner.x).extend(corner.y));
         let start = triangles.add_vertices(ring);
         if index == 0 {
             first = start;

@@ -1,7 +1,7 @@
 //! Tracery: how stone divides an opening into lights. One file for each kind.
 //!
-//! Every kind gives cells that are bounded by the middle lines of its bars. A light is a cell without the half bar along
-//! its edge. A cell with no room for a light stays stone.
+//! Every kind gives cells that are bounded by the middle lines of its bars. A light is a cell without the half bar
+//! along its edge. A cell with no room for a light stays stone.
 
 mod geometrical;
 mod intersecting;
