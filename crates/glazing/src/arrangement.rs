@@ -83,6 +83,9 @@ fn reach(from: DVec2, direction: DVec2, [start, end]: [DVec2; 2]) -> Option<f64>
         .filter(|&reach| reach > 0.0)
 }
 
+/// Segments at a smaller angle run along each other: they meet in ends only, radians.
+const PARALLEL: f64 = 1e-9;
+
 /// The vertices on each segment, besides its ends, with the part of its length at which they lie.
 fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Vec<Vec<(f64, usize)>> {
     let mut splits = vec![Vec::new(); segments.len()];
@@ -105,7 +108,8 @@ fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Vec<V
         let cross = along.perp_dot(across);
         let at = (c - a).perp_dot(across) / cross;
         let at_other = (c - a).perp_dot(along) / cross;
-        if !shares_end && (0.0..=1.0).contains(&at) && (0.0..=1.0).contains(&at_other) {
+        let is_crossing = cross.abs() > PARALLEL * along.length() * across.length() && !shares_end;
+        if is_crossing && (0.0..=1.0).contains(&at) && (0.0..=1.0).contains(&at_other) {
             let point = a + along * at;
             let vertex = vertices.insert(point);
             for (on, from) in [(first, a), (second, c)] {

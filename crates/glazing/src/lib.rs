@@ -42,3 +42,6 @@ pub use plan::{Came, Piece, PiecePlace, SheetCut, SolderJoint, WindowPlan, Zone}
 pub use stone::{StoneFrame, StoneHole, StoneSection};
 pub use svg::{DrawingStyle, svg};
 pub use tracery::{Geometrical, Intersecting, Mullions, Tracery};
+
+#[cfg(test)]
+mod tests;

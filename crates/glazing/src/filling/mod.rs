@@ -73,7 +73,7 @@ pub(crate) struct Layout<'a> {
 }
 
 /// Lines meet within this distance where a filling computes them, metres.
-pub(crate) const COMPUTED: f64 = 2e-5;
+pub(crate) const COMPUTED: f64 = 1e-6;
 
 /// A cell of a filling.
 #[derive(Clone, Copy, Debug, PartialEq)]
