@@ -94,7 +94,7 @@ impl Glazier<'_> {
     /// The edge of the glass in a cell; empty where the flanges cover the whole cell.
     fn glass_edge(&self, cell: &[DVec2]) -> Vec<DVec2> {
         let Some(cames) = self.cames else { return cell.to_vec() };
-        if polygon::inset_convex(cell, 0.5 * cames.flange_width).is_empty() {
+        if polygon::inset_convex(cell, 0.5 * cames.flange_width.min(cames.border_width)).is_empty() {
             return Vec::new();
         }
         polygon::inset_convex(cell, 0.5 * cames.heart_thickness)

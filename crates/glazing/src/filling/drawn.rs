@@ -204,21 +204,21 @@ impl FillingShape for Drawn {
     }
 
     fn check_fit(&self, lights: &[Outline], upper_left: DVec2, path: &str) -> Result<(), GlazingError> {
-        let lights: Vec<Vec<DVec2>> = lights.iter().map(Outline::polygon).collect();
+        let polygons: Vec<Vec<DVec2>> = lights.iter().map(Outline::polygon).collect();
         for (index, shape) in self.shapes(upper_left, path)?.iter().enumerate() {
             let meets = |light: &Vec<DVec2>| {
                 light.first().is_some_and(|&corner| shape.contains(corner))
                     || polygon::edges(&shape.corners)
                         .any(|[from, to]| !polygon::clip_segment(light, from, to).is_empty())
             };
-            if !lights.iter().any(meets) {
+            if !polygons.iter().any(meets) {
                 let [low, high] = shape.bounds;
                 let found = format!("a piece from {low:.3} to {high:.3} metres of the window");
                 let expected = "a piece that lies in a light at least in part";
                 return Err(GlazingError::new(format!("{path}.pieces[{index}].path"), found, expected));
             }
         }
-        self.ground.check_fit(&[], upper_left, &join(path, "ground")).or(Ok(()))
+        self.ground.check_fit(lights, upper_left, &join(path, "ground"))
     }
 
     fn lay_out<'a>(&'a self, region: Region<'_>, path: &str) -> Result<Layout<'a>, GlazingError> {
