@@ -9,13 +9,17 @@ use crate::polygon;
 const STRAIGHT: f64 = 1e-9;
 
 /// Polygons with a greater product of corners and hollow corners are cut rather than straightened.
-const MAX_HOLLOW: usize = 50_000;
+const MAX_HOLLOW: usize = 4096;
 
-/// Most looks at an edge for the cuts of one polygon, a second or so.
-const MAX_TESTS: usize = 1 << 28;
+/// Most looks at an edge for the cuts of a light, a few seconds.
+const MAX_TESTS: usize = 1 << 27;
+
+/// Counts looks at edges, over all polygons of a light: intricate drawings take time beyond their size.
+#[derive(Debug, Default)]
+pub(crate) struct CutTests(usize);
 
 /// Most cuts of one polygon.
-const MAX_CUTS: usize = 256;
+const MAX_CUTS: usize = 4096;
 
 /// A cut that ends this near to a corner ends in the corner instead, metres.
 const MIN_OFFSET: f64 = 0.004;
@@ -30,9 +34,8 @@ pub(crate) struct ConvexParts {
 impl ConvexParts {
     /// Cuts a simple, counterclockwise polygon. Strips up to the width `hidden` along its edges may be left out. `None`
     /// where no cut is possible: the polygon touches itself, or is too intricate.
-    pub(crate) fn new(corners: &[DVec2], hidden: f64, max_corners: usize) -> Option<Self> {
+    pub(crate) fn new(corners: &[DVec2], hidden: f64, max_corners: usize, tests: &mut CutTests) -> Option<Self> {
         let mut result = Self::default();
-        let mut tests = 0;
         let mut open = vec![polygon::cleaned(corners, STRAIGHT)];
         while let Some(corners) = open.pop() {
             if corners.is_empty() {
@@ -46,7 +49,7 @@ impl ConvexParts {
             if result.cuts.len() == MAX_CUTS {
                 return None;
             }
-            let (cut, halves) = cut(&corners, hidden, &mut tests)?;
+            let (cut, halves) = cut(&corners, hidden, tests)?;
             result.cuts.push(cut);
             open.extend(halves.map(|half| polygon::cleaned(&half, STRAIGHT)));
         }
@@ -120,7 +123,7 @@ fn with_fewer_corners(mut corners: Vec<DVec2>, hidden: f64, max_corners: usize) 
 }
 
 /// Cuts a polygon in two at its deepest hollow, or across where it has none.
-fn cut(corners: &[DVec2], hidden: f64, tests: &mut usize) -> Option<([DVec2; 2], [Vec<DVec2>; 2])> {
+fn cut(corners: &[DVec2], hidden: f64, tests: &mut CutTests) -> Option<([DVec2; 2], [Vec<DVec2>; 2])> {
     let count = corners.len();
     let start = deepest(corners).unwrap_or(0);
     if polygon::bulge(corners, start) >= 0.0 {
@@ -135,8 +138,8 @@ fn cut(corners: &[DVec2], hidden: f64, tests: &mut usize) -> Option<([DVec2; 2],
         if !is_better(length(&end) * LEAST_PENALTY) {
             break;
         }
-        *tests += count;
-        if *tests > MAX_TESTS {
+        tests.0 += count;
+        if tests.0 > MAX_TESTS {
             return None;
         }
         if is_inside(corners, start, end) {
@@ -289,8 +292,10 @@ fn penalty(corners: &[DVec2], start: usize, end: End, hidden: f64) -> f64 {
         }
     }
     let Some((_, halves)) = split(corners, start, end) else { return f64::INFINITY };
-    // Splinters are worst.
-    let roundest = halves.iter().map(|half| roundness(half)).fold(ROUND, f64::min);
+    // Splinters are worst. The larger half is cut again where it is no good piece.
+    let [first, second] = &halves;
+    let smaller = if polygon::area(first) < polygon::area(second) { first } else { second };
+    let roundest = roundness(smaller).min(ROUND);
     penalty * ROUND / roundest.max(1e-6)
 }
 
@@ -325,7 +330,7 @@ mod tests {
     }
 
     fn check(corners: &[DVec2], hidden: f64) -> ConvexParts {
-        let result = ConvexParts::new(corners, hidden, 64).unwrap();
+        let result = ConvexParts::new(corners, hidden, 64, &mut CutTests::default()).unwrap();
         for part in &result.parts {
             assert!(polygon::is_convex(part), "{part:?}");
             assert!(part.len() <= 64);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec2;
 
 use crate::arrangement::Arrangement;
-use crate::convex::ConvexParts;
+use crate::convex::{ConvexParts, CutTests};
 use crate::error::GlazingError;
 use crate::filling::{Cell, CellGlass, Filling, Layout, Region};
 use crate::glass::GlassPattern;
@@ -67,12 +67,13 @@ impl Glazier<'_> {
         let hidden = self.cames.map_or(0.0, Cames::hidden);
         let mut lead = LeadLines::new(self.cames);
         lead.add_edges(&arrangement);
+        let mut tests = CutTests::default();
         let mut cut_pieces = Vec::new();
         for face in &arrangement.faces {
             let corners = arrangement.corners(face);
             let middle = polygon::inner_point(&corners);
             let cell = locate(middle);
-            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS).ok_or_else(|| uncut(middle))?;
+            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS, &mut tests).ok_or_else(|| uncut(middle))?;
             for cut in parts.cuts {
                 lead.add_cut(cut);
             }

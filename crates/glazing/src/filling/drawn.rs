@@ -68,6 +68,9 @@ const FLATNESS: f64 = 0.0003;
 /// Outlines that are drawn this near to each other are meant to be one line, metres.
 const DRAWN: f64 = 0.0004;
 
+/// Most pairs of corners of pieces that overlap, a second or so.
+const MAX_WORK: usize = 1 << 28;
+
 /// Smallest area of a piece, square metres.
 const MIN_AREA: f64 = 1e-6;
 
@@ -168,7 +171,7 @@ fn flatten([a, b, c, d]: [DVec2; 4], corners: &mut Vec<DVec2>) -> Result<(), Str
 }
 
 /// The parts of lines that no shape hides.
-fn visible(segments: Vec<[DVec2; 2]>, shapes: &[Shape]) -> Vec<[DVec2; 2]> {
+fn visible<'a>(segments: Vec<[DVec2; 2]>, shapes: impl IntoIterator<Item = &'a Shape>) -> Vec<[DVec2; 2]> {
     let mut left = segments;
     for shape in shapes {
         if left.iter().any(|&segment| shape.is_near(segment)) {
@@ -224,11 +227,18 @@ impl FillingShape for Drawn {
     fn lay_out<'a>(&'a self, region: Region<'_>, path: &str) -> Result<Layout<'a>, GlazingError> {
         let shapes = self.shapes(region.upper_left, path)?;
         let mut lines = Vec::new();
+        let mut work = 0;
         for (index, shape) in shapes.iter().enumerate() {
+            let hiding: Vec<&Shape> = shapes[index + 1..].iter().filter(|other| other.is_near(shape.bounds)).collect();
+            work += hiding.iter().map(|other| shape.corners.len() * other.corners.len()).sum::<usize>();
+            if work > MAX_WORK {
+                let expected = "pieces that overlap less, or with fewer corners";
+                return Err(GlazingError::new(format!("{path}.pieces[{index}].path"), "a piece under many", expected));
+            }
             let inside = polygon::edges(&shape.corners)
                 .flat_map(|[from, to]| polygon::clip_segment(region.polygon, from, to))
                 .collect();
-            lines.extend(polygon::joined(visible(inside, &shapes[index + 1..])));
+            lines.extend(polygon::joined(visible(inside, hiding)));
         }
         if lines.len() > 4 * MAX_PIECES {
             let found = format!("{} pieces", self.pieces.len());

@@ -9,7 +9,7 @@ use super::sweep::at;
 use crate::plan::WindowPlan;
 
 /// Corners around a drop.
-const CORNERS: u32 = 8;
+const CORNERS: u32 = 6;
 
 /// Height of a drop above the flange, as a part of the flange's thickness.
 const HEIGHT: f64 = 0.9;
