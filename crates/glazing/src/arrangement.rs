@@ -1,7 +1,7 @@
 //! The planar arrangement of lines in a light: its vertices, its edges and the faces between them.
 //!
-//! Ends and crossings nearer to each other than a tolerance become one vertex, so that neighbours share corners exactly
-//! and lines that meet by design leave no slivers. Lines with a loose end are dropped up to their last crossing.
+//! Ends and crossings nearer to each other than a tolerance become one vertex. So neighbours share corners exactly, and
+//! lines that meet by design leave no slivers. Lines with a loose end are dropped up to their last crossing.
 
 use std::collections::BTreeMap;
 
@@ -52,8 +52,8 @@ impl Arrangement {
         walk.iter().map(|&vertex| self.vertices[vertex]).collect()
     }
 
-    /// Lines that tie the parts that touch no other to what is around them, on four sides: a face with a hole is none
-    /// that can be cut from glass. Empty where all parts are connected.
+    /// Lines that tie each part that touches no other to what is around it, on four sides. No piece of glass has a
+    /// hole. Empty where all parts are connected.
     pub(crate) fn ties(&self) -> Vec<Vec<DVec2>> {
         // The outermost part has the first line.
         let outermost = self.edges.first().map(|edge| edge.ends[0]);

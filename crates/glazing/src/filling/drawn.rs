@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{Cell, CellGlass, Filling, FillingShape, Layout, MAX_PIECES, Region};
 use crate::error::{GlazingError, check, join};
 use crate::glass::check_name;
+use crate::grid::crossing;
 use crate::outline::Outline;
 use crate::plan::Zone;
 use crate::polygon;
@@ -146,7 +147,7 @@ impl Drawn {
         if area < MIN_AREA {
             return Err(format!("an outline around at least {MIN_AREA} square metres, not {area:.3e}"));
         }
-        if let Some(at) = polygon::crossing(&corners) {
+        if let Some(at) = crossing(&corners) {
             let on_paper = [(at.x - upper_left.x - right), upper_left.y - at.y - down].map(|way| way / self.scale);
             return Err(format!("an outline that does not cross itself: it does near {on_paper:.3?}"));
         }

@@ -2,8 +2,8 @@
 
 use glam::DVec2;
 
-use super::Triangles;
 use super::sweep::{add_sweep, rectangle};
+use super::triangles::Triangles;
 use crate::lead::{CameProfile, Cames};
 use crate::plan::WindowPlan;
 

@@ -5,10 +5,10 @@ mod came;
 mod solder;
 mod stone;
 mod sweep;
+mod triangles;
 mod triangulate;
 
-use glam::DVec3;
-
+use self::triangles::Triangles;
 use crate::plan::WindowPlan;
 
 /// The triangles of a part of a window. Seen from outside of the material they run counterclockwise.
@@ -54,31 +54,5 @@ impl WindowPlan {
     }
 }
 
-/// Collects triangles.
-#[derive(Default)]
-struct Triangles {
-    positions: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
-}
-
-impl Triangles {
-    /// Adds vertices, and returns the number of the first.
-    fn add_vertices(&mut self, vertices: impl IntoIterator<Item = DVec3>) -> u32 {
-        let first = self.positions.len() as u32;
-        self.positions.extend(vertices.into_iter().map(|vertex| vertex.to_array()));
-        first
-    }
-
-    /// Adds a triangle.
-    fn add(&mut self, corners: [u32; 3]) {
-        self.triangles.push(corners);
-    }
-
-    /// Adds two triangles between two edges that run side by side, the first on the left.
-    fn add_quadrilateral(&mut self, [a, b, c, d]: [u32; 4]) {
-        self.triangles.extend([[a, b, c], [a, c, d]]);
-    }
-}
-
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

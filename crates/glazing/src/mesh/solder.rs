@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-use super::Triangles;
 use super::sweep::at;
+use super::triangles::Triangles;
 use crate::plan::WindowPlan;
 
 /// Corners around a drop.

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::Triangles;
+use super::triangles::Triangles;
 
 /// Largest lengthening of a section in a corner; beyond it the outer side is cut off.
 const LARGEST_MITRE: f64 = 2.5;
@@ -57,8 +57,7 @@ fn add_ring(triangles: &mut Triangles, from: u32, to: u32, size: u32) {
     }
 }
 
-/// A box or any prism between two points in space: the section is around the line, with its first coordinate along
-/// `left` and its second along z.
+/// Adds a straight prism. Its section lies around the line between two points, at a distance from the glass.
 pub(super) fn add_prism(triangles: &mut Triangles, [from, to]: [DVec2; 2], z: f64, section: &[DVec2]) {
     let moved: Vec<DVec2> = section.iter().map(|corner| *corner + DVec2::new(0.0, z)).collect();
     add_sweep(triangles, &[from, to], false, &moved);

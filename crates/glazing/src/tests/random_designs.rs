@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
 use super::pieces::{assert_covers, assert_sound, assert_tight};
+use crate::mesh::tests::{assert_closed, assert_stone_is_solid};
 use crate::{
     Arch, Border, Cames, Diamonds, Drawn, DrawnPiece, Drop, Filling, Foil, Geometrical, Head, Intersecting, Lancet,
     Lead, Mullions, Ogee, Opening, Rectangles, Roundel, Roundels, Segmental, StoneSection, Tracery, Tudor,
@@ -146,7 +147,8 @@ proptest! {
                 } else {
                     assert_tight(&plan, 200);
                 }
-                plan.meshes();
+                plan.meshes().iter().for_each(assert_closed);
+                assert_stone_is_solid(&plan);
             }
             Err(error) => {
                 // Values out of range are refused at their member, and no piece is too intricate.

@@ -1,8 +1,8 @@
 //! Ogee arches.
 //!
 //! On either side, a convex arc of radius `r` starts upright at the jamb. A concave arc of radius `R` goes on without a
-//! corner up to the apex. With `n` the direction of the concave arc's centre from the apex, and `p` the way from the
-//! centre of the convex arc to the apex, `R = (|p|^2 - r^2) / (2 (r - p.n))`.
+//! corner up to the apex. Let `n` be the direction of the concave arc's centre from the apex. Let `p` be the way from
+//! the centre of the convex arc to the apex. Then `R = (|p|^2 - r^2) / (2 (r - p.n))`.
 
 use glam::DVec2;
 use schemars::JsonSchema;
