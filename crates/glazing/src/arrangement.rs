@@ -1,7 +1,7 @@
 //! The planar arrangement of lines in a light: its vertices, its edges and the faces between them.
 //!
-//! Ends and crossings nearer to each other than a tolerance become one vertex, so that neighbours share corners exactly
-//! and lines that meet by design leave no slivers. Lines with a loose end are dropped up to their last crossing.
+//! Ends and crossings nearer to each other than a tolerance become one vertex. So neighbours share corners exactly, and
+//! lines that meet by design leave no slivers. Lines with a loose end are dropped up to their last crossing.
 
 use std::collections::BTreeMap;
 
@@ -52,16 +52,16 @@ impl Arrangement {
         walk.iter().map(|&vertex| self.vertices[vertex]).collect()
     }
 
-    /// Lines that tie the parts that touch no other to what is left and right of them: a face with a hole is none that
-    /// can be cut from glass. Empty where all parts are connected.
+    /// Lines that tie each part that touches no other to what is around it, on four sides. No piece of glass has a
+    /// hole. Empty where all parts are connected.
     pub(crate) fn ties(&self) -> Vec<Vec<DVec2>> {
         // The outermost part has the first line.
         let outermost = self.edges.first().map(|edge| edge.ends[0]);
         let mut ties = Vec::new();
         for rim in self.rims.iter().filter(|rim| outermost.is_none_or(|vertex| !rim.contains(&vertex))) {
-            let by_x = |a: &&usize, b: &&usize| self.vertices[**a].x.total_cmp(&self.vertices[**b].x);
-            let (Some(&left), Some(&right)) = (rim.iter().min_by(by_x), rim.iter().max_by(by_x)) else { continue };
-            for (vertex, direction) in [(left, DVec2::NEG_X), (right, DVec2::X)] {
+            for direction in [DVec2::NEG_X, DVec2::X, DVec2::NEG_Y, DVec2::Y] {
+                let along = |vertex: usize| self.vertices[vertex].dot(direction);
+                let Some(&vertex) = rim.iter().max_by(|a, b| along(**a).total_cmp(&along(**b))) else { continue };
                 let from = self.vertices[vertex];
                 let reach = (self.edges.iter())
                     .filter(|edge| !edge.ends.contains(&vertex))
@@ -76,12 +76,17 @@ impl Arrangement {
     }
 }
 
-/// How far a level ray from a point runs until it meets a segment.
+/// How far a ray along an axis runs until it meets a segment.
 fn reach(from: DVec2, direction: DVec2, [start, end]: [DVec2; 2]) -> Option<f64> {
-    ((start.y > from.y) != (end.y > from.y))
-        .then(|| (start.x + (end.x - start.x) * ((from.y - start.y) / (end.y - start.y)) - from.x) * direction.x)
+    let aside = |point: DVec2| direction.perp_dot(point - from);
+    let (before, after) = (aside(start), aside(end));
+    ((before > 0.0) != (after > 0.0))
+        .then(|| direction.dot(start + (end - start) * (before / (before - after)) - from))
         .filter(|&reach| reach > 0.0)
 }
+
+/// Segments at a smaller angle run along each other: they meet in ends only, radians.
+const PARALLEL: f64 = 1e-9;
 
 /// The vertices on each segment, besides its ends, with the part of its length at which they lie.
 fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Vec<Vec<(f64, usize)>> {
@@ -105,7 +110,8 @@ fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Vec<V
         let cross = along.perp_dot(across);
         let at = (c - a).perp_dot(across) / cross;
         let at_other = (c - a).perp_dot(along) / cross;
-        if !shares_end && (0.0..=1.0).contains(&at) && (0.0..=1.0).contains(&at_other) {
+        let is_crossing = cross.abs() > PARALLEL * along.length() * across.length() && !shares_end;
+        if is_crossing && (0.0..=1.0).contains(&at) && (0.0..=1.0).contains(&at_other) {
             let point = a + along * at;
             let vertex = vertices.insert(point);
             for (on, from) in [(first, a), (second, c)] {
@@ -274,11 +280,11 @@ mod tests {
         let island = points(&[[1.0, 1.0], [1.5, 0.6], [2.0, 1.0], [1.5, 1.4], [1.0, 1.0]]);
         let mut lines = vec![frame(), island];
         let ties = Arrangement::new(&lines, 1e-6).ties();
-        assert_eq!(ties.len(), 2);
+        assert_eq!(ties.len(), 4);
         lines.extend(ties);
         let tied = Arrangement::new(&lines, 1e-6);
         assert!(tied.ties().is_empty());
-        assert_eq!(tied.faces.len(), 3);
+        assert_eq!(tied.faces.len(), 5);
         assert!((area(&tied) - 6.0).abs() < 1e-12);
     }
 }

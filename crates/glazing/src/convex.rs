@@ -8,8 +8,18 @@ use crate::polygon;
 /// A corner that is this little hollow counts as straight, metres.
 const STRAIGHT: f64 = 1e-9;
 
+/// Polygons with a greater product of corners and hollow corners are cut rather than straightened.
+const MAX_HOLLOW: usize = 4096;
+
+/// Most looks at an edge for the cuts of a light, a few seconds.
+const MAX_TESTS: usize = 1 << 27;
+
+/// Counts looks at edges, over all polygons of a light: intricate drawings take time beyond their size.
+#[derive(Debug, Default)]
+pub(crate) struct CutTests(usize);
+
 /// Most cuts of one polygon.
-const MAX_CUTS: usize = 256;
+const MAX_CUTS: usize = 4096;
 
 /// A cut that ends this near to a corner ends in the corner instead, metres.
 const MIN_OFFSET: f64 = 0.004;
@@ -24,7 +34,7 @@ pub(crate) struct ConvexParts {
 impl ConvexParts {
     /// Cuts a simple, counterclockwise polygon. Strips up to the width `hidden` along its edges may be left out. `None`
     /// where no cut is possible: the polygon touches itself, or is too intricate.
-    pub(crate) fn new(corners: &[DVec2], hidden: f64, max_corners: usize) -> Option<Self> {
+    pub(crate) fn new(corners: &[DVec2], hidden: f64, max_corners: usize, tests: &mut CutTests) -> Option<Self> {
         let mut result = Self::default();
         let mut open = vec![polygon::cleaned(corners, STRAIGHT)];
         while let Some(corners) = open.pop() {
@@ -39,7 +49,7 @@ impl ConvexParts {
             if result.cuts.len() == MAX_CUTS {
                 return None;
             }
-            let (cut, halves) = cut(&corners, hidden)?;
+            let (cut, halves) = cut(&corners, hidden, tests)?;
             result.cuts.push(cut);
             open.extend(halves.map(|half| polygon::cleaned(&half, STRAIGHT)));
         }
@@ -54,6 +64,9 @@ fn straightened(corners: &[DVec2], hidden: f64) -> Option<Vec<DVec2>> {
     for _ in 0..=corners.len() {
         let count = part.len();
         let hollow: Vec<usize> = (0..count).filter(|&index| polygon::bulge(&part, index) < -STRAIGHT).collect();
+        if hollow.len() * count > MAX_HOLLOW {
+            return None;
+        }
         if hollow.is_empty() {
             return (polygon::area(&part) > 0.0).then_some(part);
         }
@@ -110,41 +123,56 @@ fn with_fewer_corners(mut corners: Vec<DVec2>, hidden: f64, max_corners: usize) 
 }
 
 /// Cuts a polygon in two at its deepest hollow, or across where it has none.
-fn cut(corners: &[DVec2], hidden: f64) -> Option<([DVec2; 2], [Vec<DVec2>; 2])> {
+fn cut(corners: &[DVec2], hidden: f64, tests: &mut CutTests) -> Option<([DVec2; 2], [Vec<DVec2>; 2])> {
     let count = corners.len();
     let start = deepest(corners).unwrap_or(0);
     if polygon::bulge(corners, start) >= 0.0 {
         return split(corners, start, End::Corner(start + count / 2));
     }
-    let from = corners[start];
-    let least = MIN_OFFSET.min(0.05 * polygon::area(corners).sqrt());
+    let mut ends = ends(corners, start);
+    let length = |end: &End| corners[start].distance(end.point(corners));
+    ends.sort_by(|first, second| length(first).total_cmp(&length(second)));
     let mut best: Option<(f64, End)> = None;
-    for index in 0..count {
-        let mut consider = |end: End| {
-            let to = end.point(corners);
-            if is_inside(corners, start, end) {
-                let cost = from.distance(to) * penalty(corners, start, end, hidden);
-                if best.is_none_or(|(lowest, _)| cost < lowest) {
-                    best = Some((cost, end));
-                }
-            }
-        };
-        if ![start, (start + 1) % count, (start + count - 1) % count].contains(&index) {
-            consider(End::Corner(index));
+    for end in ends {
+        let is_better = |cost: f64| best.is_none_or(|(lowest, _)| cost < lowest);
+        if !is_better(length(&end) * LEAST_PENALTY) {
+            break;
         }
-        let next = (index + 1) % count;
-        if index != start && next != start {
-            let (a, b) = (corners[index], corners[next]);
-            let mut targets = vec![polygon::nearest(a, b, from)];
-            targets.extend(aims(corners, start).into_iter().filter_map(|aim| hit(from, aim, a, b)));
-            for foot in targets {
-                if foot.distance(a) > least && foot.distance(b) > least {
-                    consider(End::Edge(index, foot));
-                }
+        tests.0 += count;
+        if tests.0 > MAX_TESTS {
+            return None;
+        }
+        if is_inside(corners, start, end) {
+            let cost = length(&end) * penalty(corners, start, end, hidden);
+            if is_better(cost) {
+                best = Some((cost, end));
             }
         }
     }
     split(corners, start, best?.1)
+}
+
+/// Where a cut from a corner may end.
+fn ends(corners: &[DVec2], start: usize) -> Vec<End> {
+    let count = corners.len();
+    let from = corners[start];
+    let aims = aims(corners, start);
+    let least = MIN_OFFSET.min(0.05 * polygon::area(corners).sqrt());
+    let mut ends = Vec::new();
+    for index in 0..count {
+        if ![start, (start + 1) % count, (start + count - 1) % count].contains(&index) {
+            ends.push(End::Corner(index));
+        }
+        let next = (index + 1) % count;
+        if index != start && next != start {
+            let (a, b) = (corners[index], corners[next]);
+            let foot = polygon::nearest(a, b, from);
+            let hits = aims.into_iter().filter_map(|aim| hit(from, aim, a, b));
+            let on_edge = [foot].into_iter().chain(hits).filter(|at| at.distance(a) > least && at.distance(b) > least);
+            ends.extend(on_edge.map(|at| End::Edge(index, at)));
+        }
+    }
+    ends
 }
 
 /// Directions along which a cut straightens a hollow corner: on along either edge, and halfway between.
@@ -228,6 +256,18 @@ fn is_inside(corners: &[DVec2], start: usize, end: End) -> bool {
     !is_crossed && near(0.5) && near(0.01) && near(0.99)
 }
 
+/// The penalty of the best cuts.
+const LEAST_PENALTY: f64 = 0.6;
+
+/// Parts at least this round are as good as any: of a disc it is 1, of a square 0.79.
+const ROUND: f64 = 0.6;
+
+/// The area of a polygon, as a part of that of a disc with the same perimeter.
+fn roundness(corners: &[DVec2]) -> f64 {
+    let perimeter: f64 = polygon::edges(corners).map(|[from, to]| from.distance(to)).sum();
+    4.0 * std::f64::consts::PI * polygon::area(corners) / (perimeter * perimeter)
+}
+
 /// How much worse a cut is than one of its length that leaves no hollow.
 fn penalty(corners: &[DVec2], start: usize, end: End, hidden: f64) -> f64 {
     let count = corners.len();
@@ -241,7 +281,7 @@ fn penalty(corners: &[DVec2], start: usize, end: End, hidden: f64) -> f64 {
         let index = index % count;
         let is_hollow = polygon::bulge(corners, index) < -STRAIGHT;
         if is_hollow && !stays_hollow(index, corners[start]) {
-            penalty *= 0.6;
+            penalty *= LEAST_PENALTY;
         }
         // A cut that grazes an edge leaves a splinter.
         let far = corners[start];
@@ -251,7 +291,12 @@ fn penalty(corners: &[DVec2], start: usize, end: End, hidden: f64) -> f64 {
             }
         }
     }
-    penalty
+    let Some((_, halves)) = split(corners, start, end) else { return f64::INFINITY };
+    // Splinters are worst. The larger half is cut again where it is no good piece.
+    let [first, second] = &halves;
+    let smaller = if polygon::area(first) < polygon::area(second) { first } else { second };
+    let roundest = roundness(smaller).min(ROUND);
+    penalty * ROUND / roundest.max(1e-6)
 }
 
 /// Both halves of a polygon.
@@ -285,9 +330,9 @@ mod tests {
     }
 
     fn check(corners: &[DVec2], hidden: f64) -> ConvexParts {
-        let result = ConvexParts::new(corners, hidden, 64).unwrap();
+        let result = ConvexParts::new(corners, hidden, 64, &mut CutTests::default()).unwrap();
         for part in &result.parts {
-            assert!(polygon::is_convex(part, -1e-8), "{part:?}");
+            assert!(polygon::is_convex(part), "{part:?}");
             assert!(part.len() <= 64);
         }
         if hidden == 0.0 {

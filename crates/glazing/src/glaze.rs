@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use glam::DVec2;
 
 use crate::arrangement::Arrangement;
-use crate::convex::ConvexParts;
+use crate::convex::{ConvexParts, CutTests};
 use crate::error::GlazingError;
 use crate::filling::{Cell, CellGlass, Filling, Layout, Region};
 use crate::glass::GlassPattern;
 use crate::grid::VertexGrid;
 use crate::lead::Cames;
 use crate::outline::Outline;
-use crate::plan::{Came, Piece, PiecePlace, SheetCut, SolderJoint};
+use crate::plan::{Came, Piece, PiecePlace, SheetCut, SolderJoint, Zone};
 use crate::polygon;
 use crate::random::Random;
 
@@ -67,16 +67,13 @@ impl Glazier<'_> {
         let hidden = self.cames.map_or(0.0, Cames::hidden);
         let mut lead = LeadLines::new(self.cames);
         lead.add_edges(&arrangement);
-        let mut numbers = BTreeMap::new();
-        let mut pieces = Vec::new();
+        let mut tests = CutTests::default();
+        let mut cut_pieces = Vec::new();
         for face in &arrangement.faces {
             let corners = arrangement.corners(face);
             let middle = polygon::inner_point(&corners);
             let cell = locate(middle);
-            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS).ok_or_else(|| {
-                let found = format!("a piece around {middle:.3} metres that touches itself or is too intricate");
-                GlazingError::new("filling", found, "pieces that lead lines can cut into convex ones")
-            })?;
+            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS, &mut tests).ok_or_else(|| uncut(middle))?;
             for cut in parts.cuts {
                 lead.add_cut(cut);
             }
@@ -85,31 +82,51 @@ impl Glazier<'_> {
                 if polygon::area(&glass) < MIN_AREA {
                     continue;
                 }
-                let Cell { zone, row, column, .. } = cell;
-                let number = numbers.entry((zone, row, column)).or_insert(0);
-                let place = PiecePlace { light, zone, row, column, part: *number };
-                *number += 1;
-                pieces.push(self.piece(glass, place, &cell));
+                if !polygon::is_convex(&glass) {
+                    return Err(uncut(middle));
+                }
+                cut_pieces.push((cell, glass));
             }
         }
-        pieces.sort_unstable_by_key(|piece| piece.place);
         let (cames, joints) = lead.finish();
-        Ok(GlazedLight { pieces, cames, joints })
+        Ok(GlazedLight { pieces: self.pieces(light, cut_pieces), cames, joints })
     }
 
     /// The edge of the glass in a cell; empty where the flanges cover the whole cell.
     fn glass_edge(&self, cell: &[DVec2]) -> Vec<DVec2> {
         let Some(cames) = self.cames else { return cell.to_vec() };
-        if polygon::inset_convex(cell, 0.5 * cames.flange_width).is_empty() {
+        if polygon::inset_convex(cell, 0.5 * cames.flange_width.min(cames.border_width)).is_empty() {
             return Vec::new();
         }
         polygon::inset_convex(cell, 0.5 * cames.heart_thickness)
     }
 
+    /// The pieces of a light, ordered by their places.
+    fn pieces(&self, light: usize, cut_pieces: Vec<(Cell<'_>, Vec<DVec2>)>) -> Vec<Piece> {
+        let mut first: BTreeMap<Zone, [i64; 2]> = BTreeMap::new();
+        for (Cell { zone, row, column, .. }, _) in &cut_pieces {
+            let [least_row, least_column] = first.entry(*zone).or_insert([*row, *column]);
+            (*least_row, *least_column) = ((*least_row).min(*row), (*least_column).min(*column));
+        }
+        let mut parts = BTreeMap::new();
+        let mut pieces = Vec::with_capacity(cut_pieces.len());
+        for (cell, outline) in cut_pieces {
+            let Cell { zone, row, column, .. } = cell;
+            let part = parts.entry((zone, row, column)).or_insert(0);
+            let [row, column] = first.get(&zone).map_or([0; 2], |first| {
+                [row - first[0], column - first[1]].map(|number| u32::try_from(number).unwrap_or(u32::MAX))
+            });
+            pieces.push(self.piece(outline, PiecePlace { light, zone, row, column, part: *part }, &cell));
+            *part += 1;
+        }
+        pieces.sort_unstable_by_key(|piece| piece.place);
+        pieces
+    }
+
     /// A piece with its random numbers.
     fn piece(&self, outline: Vec<DVec2>, place: PiecePlace, cell: &Cell<'_>) -> Piece {
-        let PiecePlace { light, zone, row, column, part } = place;
-        let key = [light as u64, zone as u64, row as u64, column as u64, part as u64];
+        let PiecePlace { light, zone, part, .. } = place;
+        let key = [light as u64, zone as u64, cell.row as u64, cell.column as u64, part as u64];
         // Pieces keep their other numbers when the pattern of glass changes.
         let mut random = Random::new(self.seed, &key);
         let tilt = [0.0; 2].map(|_: f64| self.tilt * random.normal());
@@ -124,6 +141,12 @@ impl Glazier<'_> {
         };
         Piece { outline, place, glass, tilt, thickness_factor, cut }
     }
+}
+
+/// A piece that cannot be cut into convex ones.
+fn uncut(at: DVec2) -> GlazingError {
+    let found = format!("a piece around {at:.3} metres that touches itself or is too intricate");
+    GlazingError::new("filling", found, "pieces that lead lines can cut into convex ones")
 }
 
 /// Collects the cames and joints of a light.
@@ -151,7 +174,8 @@ impl<'a> LeadLines<'a> {
         self.is_border[joint] |= is_border;
     }
 
-    /// Cames along the edges of an arrangement. Edges of a line that follow each other are one came, up to a sharp turn.
+    /// Cames along the edges of an arrangement. Edges of a line that follow each other are one came, up to a sharp
+    /// turn.
     fn add_edges(&mut self, arrangement: &Arrangement) {
         if self.settings.is_none() {
             return;

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use glam::DVec2;
 
+use crate::polygon;
+
 /// Vertices, of which no two lie within a tolerance.
 pub(crate) struct VertexGrid {
     tolerance: f64,
@@ -61,7 +63,7 @@ impl Segments {
     /// The grid of segments, each widened by a tolerance.
     pub(crate) fn new(segments: &[[DVec2; 2]], tolerance: f64) -> Self {
         let corners: Vec<DVec2> = segments.iter().flatten().copied().collect();
-        let [low, high] = crate::polygon::bounds(&corners);
+        let [low, high] = polygon::bounds(&corners);
         let extent = (high - low).max(DVec2::splat(1e-6));
         // About one cell for each segment.
         let cell = (extent.x * extent.y / (segments.len().max(1) as f64)).sqrt().max(extent.max_element() / 4096.0);
@@ -99,4 +101,16 @@ impl Segments {
         pairs.dedup();
         pairs
     }
+}
+
+/// A point where a polygon crosses itself.
+pub(crate) fn crossing(corners: &[DVec2]) -> Option<DVec2> {
+    let segments: Vec<[DVec2; 2]> = polygon::edges(corners).collect();
+    let crosses = |[first, second]: [usize; 2]| {
+        let ([a, b], [c, d]) = (segments[first], segments[second]);
+        let side = |from: DVec2, to: DVec2, point: DVec2| (to - from).perp_dot(point - from);
+        let is_crossed = side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0;
+        is_crossed.then(|| a + (b - a) * ((c - a).perp_dot(d - c) / (b - a).perp_dot(d - c)))
+    };
+    Segments::new(&segments, 1e-9).near_pairs().into_iter().find_map(crosses)
 }

@@ -4,8 +4,8 @@
 //! pieces as convex polygons, the cames and bars as lines, and the stone as polygons with holes. A plan becomes
 //! [triangles](WindowPlan::meshes) or a [drawing](svg). The crate knows nothing of scenes and rays.
 //!
-//! An opening is a closed outline of lines and arcs. Tracery cuts it into lights, which are such outlines again. In each
-//! light, the filling draws lead lines, whose arrangement has the pieces as its faces.
+//! An opening is a closed outline of lines and arcs. Tracery cuts it into lights, which are such outlines again. In
+//! each light, the filling draws lead lines, whose arrangement has the pieces as its faces.
 //!
 //! Results are the same on every machine: transcendental functions are those of `libm`.
 
@@ -44,3 +44,6 @@ pub use stone::{StoneFrame, StoneHole, StoneSection};
 pub use svg::{DrawingStyle, svg};
 pub use tracery::{Geometrical, Intersecting, Mullions, Tracery};
 pub use wall::{PlannedWall, Wall};
+
+#[cfg(test)]
+mod tests;

@@ -71,10 +71,10 @@ pub struct PiecePlace {
     pub light: usize,
     /// Part of the filling.
     pub zone: Zone,
-    /// Row from below, as the filling counts them.
-    pub row: i64,
-    /// Column from the left, as the filling counts them.
-    pub column: i64,
+    /// Row of the light's zone, from 0 upwards.
+    pub row: u32,
+    /// Column of the light's zone, from 0; to the right, along a border, or in the order of drawn pieces.
+    pub column: u32,
     /// Number among the pieces into which the outline of the light or lead lines cut one piece of the filling, from 0.
     pub part: usize,
 }
@@ -110,7 +110,7 @@ impl Zone {
 impl fmt::Display for PiecePlace {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { light, zone, row, column, part } = self;
-        write!(formatter, "light {} {} row {row} column {column}", light + 1, zone.name())?;
+        write!(formatter, "light {} {} row {} column {}", light + 1, zone.name(), row + 1, column + 1)?;
         if *part > 0 { write!(formatter, " part {}", part + 1) } else { Ok(()) }
     }
 }

@@ -2,8 +2,6 @@
 
 use glam::DVec2;
 
-use crate::grid::Segments;
-
 /// Signed area: positive for counterclockwise polygons.
 pub(crate) fn area(corners: &[DVec2]) -> f64 {
     let Some(&origin) = corners.first() else { return 0.0 };
@@ -142,9 +140,9 @@ pub(crate) fn inset_convex(corners: &[DVec2], width: f64) -> Vec<DVec2> {
     cleaned(&inset, 1e-9)
 }
 
-/// Whether every corner turns left, by more than a deviation from the line of its neighbours.
-pub(crate) fn is_convex(corners: &[DVec2], deviation: f64) -> bool {
-    corners.len() >= 3 && (0..corners.len()).all(|index| bulge(corners, index) > deviation)
+/// Whether a simple polygon turns left at every corner.
+pub(crate) fn is_convex(corners: &[DVec2]) -> bool {
+    corners.len() >= 3 && (0..corners.len()).all(|index| bulge(corners, index) > 0.0)
 }
 
 /// How far a corner lies outside of the line from the corner before it to the one after it.
@@ -155,18 +153,6 @@ pub(crate) fn bulge(corners: &[DVec2], index: usize) -> f64 {
     let cross = (at - before).perp_dot(after - at);
     let length = chord.length();
     if length > 0.0 { cross / length } else { 0.0 }
-}
-
-/// A point where a polygon crosses itself.
-pub(crate) fn crossing(corners: &[DVec2]) -> Option<DVec2> {
-    let segments: Vec<[DVec2; 2]> = edges(corners).collect();
-    let crosses = |[first, second]: [usize; 2]| {
-        let ([a, b], [c, d]) = (segments[first], segments[second]);
-        let side = |from: DVec2, to: DVec2, point: DVec2| (to - from).perp_dot(point - from);
-        let is_crossed = side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0;
-        is_crossed.then(|| a + (b - a) * ((c - a).perp_dot(d - c) / (b - a).perp_dot(d - c)))
-    };
-    Segments::new(&segments, 1e-9).near_pairs().into_iter().find_map(crosses)
 }
 
 /// Without corners that deviate from the line of their neighbours by no more than a distance, and without spikes.

@@ -1,5 +1,5 @@
-//! Random numbers of a piece: SplitMix64 (Steele et al. 2014), started from the seed and the place of the piece. A piece
-//! keeps its numbers when other pieces come or go.
+//! Random numbers of a piece: SplitMix64 (Steele et al. 2014), started from the seed and the place of the piece. A
+//! piece keeps its numbers when other pieces come or go.
 
 /// A stream of random numbers.
 pub(crate) struct Random {

@@ -89,6 +89,9 @@ pub fn svg(plan: &WindowPlan, style: &DrawingStyle) -> String {
         let edges: String = plan.pieces.iter().map(|piece| closed(&piece.outline)).collect();
         let _ = writeln!(text, r#"<path d="{edges}" fill="none" stroke="{OUTLINE}" stroke-width="0.6"/>"#);
     }
+    // What lies on or in the stone cannot be seen.
+    let lights: String = plan.lights.iter().map(|light| closed(light)).collect();
+    let _ = writeln!(text, r#"<clipPath id="lights"><path d="{lights}"/></clipPath>"#);
     add_lead(&mut text, plan);
     if style.has_bars {
         add_bars(&mut text, plan);
@@ -104,10 +107,8 @@ pub fn svg(plan: &WindowPlan, style: &DrawingStyle) -> String {
     text
 }
 
-/// Cames in their width. What lies on the stone is cut off, as it cannot be seen.
+/// Cames in their width.
 fn add_lead(text: &mut String, plan: &WindowPlan) {
-    let lights: String = plan.lights.iter().map(|light| closed(light)).collect();
-    let _ = writeln!(text, r#"<clipPath id="lights"><path d="{lights}"/></clipPath>"#);
     let _ = writeln!(text, r#"<g clip-path="url(#lights)">"#);
     for came in &plan.cames {
         let path = if came.is_closed { closed(&came.path) } else { line(&came.path) };
@@ -127,11 +128,13 @@ fn add_lead(text: &mut String, plan: &WindowPlan) {
 
 /// Bars in their width.
 fn add_bars(text: &mut String, plan: &WindowPlan) {
+    let _ = writeln!(text, r#"<g clip-path="url(#lights)">"#);
     for bar in &plan.bars {
         let path = line(&bar.ends);
         let width = 1000.0 * bar.width;
         let _ = writeln!(text, r#"<path d="{path}" stroke="{IRON}" stroke-width="{width:.2}" stroke-opacity="0.85"/>"#);
     }
+    let _ = writeln!(text, "</g>");
 }
 
 /// A bar of a round length, with its length.
@@ -144,7 +147,7 @@ fn add_scale_bar(text: &mut String, low: DVec2, width: f64) {
         let step = 250.0 * length;
         let _ = writeln!(
             text,
-            r#"<rect x="{:.2}" y="{y:.2}" width="{step:.2}" height="12" fill="{fill}" stroke="{OUTLINE}" stroke-width="1"/>"#,
+            r#"<rect x="{:.2}" y="{y:.2}" width="{step:.2}" height="12" fill="{fill}" stroke="{OUTLINE}"/>"#,
             x + f64::from(part) * step
         );
     }

@@ -4,7 +4,7 @@ use glam::DVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{COMPUTED, Cell, CellGlass, Filling, FillingShape, Layout, MIN_SIZE, Region, check_pieces};
+use super::{COMPUTED, Cell, CellGlass, Filling, FillingShape, Layout, MIN_SIZE, Region, check_pieces, clipped};
 use crate::error::{GlazingError, check, join};
 use crate::glass::GlassPattern;
 use crate::outline::Outline;
@@ -78,7 +78,8 @@ impl FillingShape for Border {
             };
             let part = |number: f64| number / f64::from(count);
             lines.extend((1..count).map(|number| across(part(f64::from(number))).to_vec()));
-            lines.push(vec![inner.end(index), region.outline.end(index)]);
+            // At a sharp corner, the line to it may leave the light past a hollow side.
+            lines.extend(clipped(region.polygon, [[inner.end(index), region.outline.end(index)]]));
             middles.extend((0..count).map(|number| {
                 let [inside, outside] = across(part(f64::from(number) + 0.5));
                 0.5 * (inside + outside)

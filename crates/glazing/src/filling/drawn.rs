@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{Cell, CellGlass, Filling, FillingShape, Layout, MAX_PIECES, Region};
 use crate::error::{GlazingError, check, join};
 use crate::glass::check_name;
+use crate::grid::crossing;
 use crate::outline::Outline;
 use crate::plan::Zone;
 use crate::polygon;
@@ -67,6 +68,9 @@ const FLATNESS: f64 = 0.0003;
 
 /// Outlines that are drawn this near to each other are meant to be one line, metres.
 const DRAWN: f64 = 0.0004;
+
+/// Most pairs of corners of pieces that overlap, a second or so.
+const MAX_WORK: usize = 1 << 28;
 
 /// Smallest area of a piece, square metres.
 const MIN_AREA: f64 = 1e-6;
@@ -130,7 +134,8 @@ impl Drawn {
                 return Err(format!("simple enough for {MAX_CORNERS} corners"));
             }
         }
-        if corners.iter().any(|corner| !(corner.abs().max_element() < 1000.0)) {
+        let is_near = |corner: &DVec2| corner.is_finite() && corner.abs().max_element() < 1000.0;
+        if !corners.iter().all(is_near) {
             return Err("within 1000 metres".to_owned());
         }
         corners.dedup_by(|next, corner| next.distance(*corner) < 1e-9);
@@ -139,10 +144,10 @@ impl Drawn {
         }
         let corners = polygon::cleaned(&corners, 1e-9);
         let area = polygon::area(&corners);
-        if !(area >= MIN_AREA) {
+        if area < MIN_AREA {
             return Err(format!("an outline around at least {MIN_AREA} square metres, not {area:.3e}"));
         }
-        if let Some(at) = polygon::crossing(&corners) {
+        if let Some(at) = crossing(&corners) {
             let on_paper = [(at.x - upper_left.x - right), upper_left.y - at.y - down].map(|way| way / self.scale);
             return Err(format!("an outline that does not cross itself: it does near {on_paper:.3?}"));
         }
@@ -155,7 +160,7 @@ impl Drawn {
 fn flatten([a, b, c, d]: [DVec2; 4], corners: &mut Vec<DVec2>) -> Result<(), String> {
     let bend = (a - 2.0 * b + c).length().max((b - 2.0 * c + d).length());
     let wanted = (0.75 * bend / FLATNESS).sqrt().ceil().max(1.0);
-    if !(wanted <= MAX_CORNERS as f64) {
+    if wanted.is_nan() || wanted > MAX_CORNERS as f64 {
         return Err(format!("simple enough for {MAX_CORNERS} corners"));
     }
     for step in 1..=wanted as u32 {
@@ -167,7 +172,7 @@ fn flatten([a, b, c, d]: [DVec2; 4], corners: &mut Vec<DVec2>) -> Result<(), Str
 }
 
 /// The parts of lines that no shape hides.
-fn visible(segments: Vec<[DVec2; 2]>, shapes: &[Shape]) -> Vec<[DVec2; 2]> {
+fn visible<'a>(segments: Vec<[DVec2; 2]>, shapes: impl IntoIterator<Item = &'a Shape>) -> Vec<[DVec2; 2]> {
     let mut left = segments;
     for shape in shapes {
         if left.iter().any(|&segment| shape.is_near(segment)) {
@@ -203,31 +208,38 @@ impl FillingShape for Drawn {
     }
 
     fn check_fit(&self, lights: &[Outline], upper_left: DVec2, path: &str) -> Result<(), GlazingError> {
-        let lights: Vec<Vec<DVec2>> = lights.iter().map(Outline::polygon).collect();
+        let polygons: Vec<Vec<DVec2>> = lights.iter().map(Outline::polygon).collect();
         for (index, shape) in self.shapes(upper_left, path)?.iter().enumerate() {
             let meets = |light: &Vec<DVec2>| {
                 light.first().is_some_and(|&corner| shape.contains(corner))
                     || polygon::edges(&shape.corners)
                         .any(|[from, to]| !polygon::clip_segment(light, from, to).is_empty())
             };
-            if !lights.iter().any(meets) {
+            if !polygons.iter().any(meets) {
                 let [low, high] = shape.bounds;
                 let found = format!("a piece from {low:.3} to {high:.3} metres of the window");
                 let expected = "a piece that lies in a light at least in part";
                 return Err(GlazingError::new(format!("{path}.pieces[{index}].path"), found, expected));
             }
         }
-        self.ground.check_fit(&[], upper_left, &join(path, "ground")).or(Ok(()))
+        self.ground.check_fit(lights, upper_left, &join(path, "ground"))
     }
 
     fn lay_out<'a>(&'a self, region: Region<'_>, path: &str) -> Result<Layout<'a>, GlazingError> {
         let shapes = self.shapes(region.upper_left, path)?;
         let mut lines = Vec::new();
+        let mut work = 0;
         for (index, shape) in shapes.iter().enumerate() {
+            let hiding: Vec<&Shape> = shapes[index + 1..].iter().filter(|other| other.is_near(shape.bounds)).collect();
+            work += hiding.iter().map(|other| shape.corners.len() * other.corners.len()).sum::<usize>();
+            if work > MAX_WORK {
+                let expected = "pieces that overlap less, or with fewer corners";
+                return Err(GlazingError::new(format!("{path}.pieces[{index}].path"), "a piece under many", expected));
+            }
             let inside = polygon::edges(&shape.corners)
                 .flat_map(|[from, to]| polygon::clip_segment(region.polygon, from, to))
                 .collect();
-            lines.extend(polygon::joined(visible(inside, &shapes[index + 1..])));
+            lines.extend(polygon::joined(visible(inside, hiding)));
         }
         if lines.len() > 4 * MAX_PIECES {
             let found = format!("{} pieces", self.pieces.len());

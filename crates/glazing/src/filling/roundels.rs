@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 use super::{COMPUTED, Cell, CellGlass, FillingShape, Layout, MIN_SIZE, Region, check_pieces};
 use crate::error::{GlazingError, check, join};
 use crate::glass::GlassPattern;
-use crate::outline::SAGITTA;
 use crate::plan::Zone;
 use crate::polygon;
 
@@ -34,6 +33,9 @@ impl Default for Roundels {
         Self { diameter: 0.11, gap: 0.016, between: None }
     }
 }
+
+/// Largest distance of the edge of a disc from its chords, metres.
+const SAGITTA: f64 = 0.0003;
 
 /// Most corners of a disc.
 const MAX_CORNERS: f64 = 60.0;

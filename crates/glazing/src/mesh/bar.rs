@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use super::Triangles;
 use super::sweep::{add_prism, rectangle};
+use super::triangles::Triangles;
 use crate::bars::{Bar, BarSection};
 use crate::plan::WindowPlan;
 

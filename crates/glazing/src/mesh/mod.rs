@@ -5,11 +5,11 @@ mod came;
 mod solder;
 mod stone;
 mod sweep;
+mod triangles;
 mod triangulate;
 mod wall;
 
-use glam::DVec3;
-
+use self::triangles::Triangles;
 use crate::plan::WindowPlan;
 
 /// The triangles of a part of a window. Seen from outside of the material they run counterclockwise.
@@ -39,50 +39,24 @@ pub enum MeshPart {
 }
 
 impl WindowPlan {
-    /// The triangles of lead, solder, iron, stone and wall; only of parts that the window has. Every edge of a mesh belongs to
-    /// two triangles.
+    /// The triangles of lead, solder, iron, stone and wall; only of parts that the window has. Every edge of a mesh
+    /// belongs to two triangles.
     pub fn meshes(&self) -> Vec<PlanMesh> {
-        let parts: [(MeshPart, fn(&Self, &mut Triangles)); 5] = [
-            (MeshPart::Lead, came::add_cames),
-            (MeshPart::Solder, solder::add_solder),
-            (MeshPart::Iron, bar::add_bars),
-            (MeshPart::Stone, stone::add_stone),
-            (MeshPart::Wall, wall::add_wall),
-        ];
-        let mesh = |(part, add): (MeshPart, fn(&Self, &mut Triangles))| {
+        let mesh = |part, add: fn(&Self, &mut Triangles)| {
             let mut triangles = Triangles::default();
             add(self, &mut triangles);
             PlanMesh { part, positions: triangles.positions, triangles: triangles.triangles }
         };
-        parts.into_iter().map(mesh).filter(|mesh| !mesh.triangles.is_empty()).collect()
-    }
-}
-
-/// Collects triangles.
-#[derive(Default)]
-struct Triangles {
-    positions: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
-}
-
-impl Triangles {
-    /// Adds vertices, and returns the number of the first.
-    fn add_vertices(&mut self, vertices: impl IntoIterator<Item = DVec3>) -> u32 {
-        let first = self.positions.len() as u32;
-        self.positions.extend(vertices.into_iter().map(|vertex| vertex.to_array()));
-        first
-    }
-
-    /// Adds a triangle.
-    fn add(&mut self, corners: [u32; 3]) {
-        self.triangles.push(corners);
-    }
-
-    /// Adds two triangles between two edges that run side by side, the first on the left.
-    fn add_quadrilateral(&mut self, [a, b, c, d]: [u32; 4]) {
-        self.triangles.extend([[a, b, c], [a, c, d]]);
+        let parts = [
+            mesh(MeshPart::Lead, came::add_cames),
+            mesh(MeshPart::Solder, solder::add_solder),
+            mesh(MeshPart::Iron, bar::add_bars),
+            mesh(MeshPart::Stone, stone::add_stone),
+            mesh(MeshPart::Wall, wall::add_wall),
+        ];
+        parts.into_iter().filter(|mesh| !mesh.triangles.is_empty()).collect()
     }
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -4,12 +4,12 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-use super::Triangles;
 use super::sweep::at;
+use super::triangles::Triangles;
 use crate::plan::WindowPlan;
 
 /// Corners around a drop.
-const CORNERS: u32 = 8;
+const CORNERS: u32 = 6;
 
 /// Height of a drop above the flange, as a part of the flange's thickness.
 const HEIGHT: f64 = 0.9;

@@ -2,8 +2,8 @@
 
 use glam::DVec2;
 
-use super::Triangles;
 use super::sweep::at;
+use super::triangles::Triangles;
 use super::triangulate::triangulate;
 use crate::plan::WindowPlan;
 

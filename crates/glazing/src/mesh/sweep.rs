@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::Triangles;
+use super::triangles::Triangles;
 
 /// Largest lengthening of a section in a corner; beyond it the outer side is cut off.
 const LARGEST_MITRE: f64 = 2.5;
@@ -17,7 +17,7 @@ pub(super) fn add_sweep(triangles: &mut Triangles, path: &[DVec2], is_closed: bo
     let direction = |from: usize, to: usize| (path[to] - path[from]).normalize_or_zero();
     let size = section.len() as u32;
     let mut first = 0;
-    for index in 0..count {
+    for (index, &point) in path.iter().enumerate() {
         let before = if index > 0 { Some(index - 1) } else { is_closed.then_some(count - 1) };
         let after = if index + 1 < count { Some(index + 1) } else { is_closed.then_some(0) };
         let arriving = before.map(|before| direction(before, index));
@@ -30,7 +30,7 @@ pub(super) fn add_sweep(triangles: &mut Triangles, path: &[DVec2], is_closed: bo
         // The mitre: as far from the lines of both segments.
         let along = (arriving + leaving).normalize_or_zero();
         let left = along.perp() * (1.0 / along.dot(leaving)).clamp(1.0, LARGEST_MITRE);
-        let ring = section.iter().map(|corner| (path[index] + left * corner.x).extend(corner.y));
+        let ring = section.iter().map(|corner| (point + left * corner.x).extend(corner.y));
         let start = triangles.add_vertices(ring);
         if index == 0 {
             first = start;
@@ -57,8 +57,7 @@ fn add_ring(triangles: &mut Triangles, from: u32, to: u32, size: u32) {
     }
 }
 
-/// A box or any prism between two points in space: the section is around the line, with its first coordinate along
-/// `left` and its second along z.
+/// Adds a straight prism. Its section lies around the line between two points, at a distance from the glass.
 pub(super) fn add_prism(triangles: &mut Triangles, [from, to]: [DVec2; 2], z: f64, section: &[DVec2]) {
     let moved: Vec<DVec2> = section.iter().map(|corner| *corner + DVec2::new(0.0, z)).collect();
     add_sweep(triangles, &[from, to], false, &moved);

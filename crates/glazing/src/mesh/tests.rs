@@ -1,12 +1,13 @@
 use std::collections::BTreeMap;
 
+use crate::polygon;
 use crate::{
-    Arch, Bars, CameProfile, Cames, Ferramenta, Geometrical, Head, Lead, MeshPart, Opening, PlanMesh, Tracery,
-    WindowDesign,
+    Arch, Bars, CameProfile, Cames, Ferramenta, Geometrical, Head, Lead, MeshPart, Opening, PlanMesh, StoneHole,
+    Tracery, WindowDesign, WindowPlan,
 };
 
-/// Twice each: once in each direction.
-fn assert_closed(mesh: &PlanMesh) {
+/// Checks that every edge is there twice: once in each direction.
+pub(crate) fn assert_closed(mesh: &PlanMesh) {
     let mut edges: BTreeMap<[u32; 2], i32> = BTreeMap::new();
     for [a, b, c] in &mesh.triangles {
         for [from, to] in [[a, b], [b, c], [c, a]] {
@@ -47,17 +48,40 @@ fn meshes_are_closed_and_point_outwards() {
     }
 }
 
+/// Checks that the faces of tracery are cut into triangles that do not overlap.
+pub(crate) fn assert_stone_is_solid(plan: &WindowPlan) {
+    let Some(frame) = &plan.stone else { return };
+    let mesh = plan.meshes().into_iter().find(|mesh| mesh.part == MeshPart::Stone).unwrap();
+    let half = 0.5 * frame.depth;
+    let is_front = |triangle: &&[u32; 3]| triangle.iter().all(|&corner| mesh.positions[corner as usize][2] == half);
+    let covered: f64 = (mesh.triangles.iter().filter(is_front))
+        .map(|triangle| {
+            let corners = triangle.map(|corner| {
+                let [x, y, _] = mesh.positions[corner as usize];
+                glam::DVec2::new(x, y)
+            });
+            let area = polygon::area(&corners);
+            assert!(area > -1e-9, "a triangle is turned over: {area:e}");
+            area.abs()
+        })
+        .sum();
+    let holes: f64 = frame.holes.iter().map(|hole| polygon::area(&hole.face_outline)).sum();
+    let expected = polygon::area(&frame.outline) - holes;
+    assert!((covered / expected - 1.0).abs() < 1e-6, "{covered} of {expected}");
+}
+
 #[test]
 fn stone_has_the_volume_of_its_section() {
     let plan = design().plan().unwrap();
+    assert_stone_is_solid(&plan);
     let meshes = plan.meshes();
     let stone = meshes.iter().find(|mesh| mesh.part == MeshPart::Stone).unwrap();
     let frame = plan.stone.as_ref().unwrap();
-    let area = |corners: &[glam::DVec2]| crate::polygon::area(corners);
-    let [straight, face]: [f64; 2] = [
-        area(&frame.outline) - frame.holes.iter().map(|hole| area(&hole.outline)).sum::<f64>(),
-        area(&frame.outline) - frame.holes.iter().map(|hole| area(&hole.face_outline)).sum::<f64>(),
-    ];
+    let area = |hole: fn(&StoneHole) -> &Vec<glam::DVec2>| {
+        let holes: f64 = frame.holes.iter().map(|frame| polygon::area(hole(frame))).sum();
+        polygon::area(&frame.outline) - holes
+    };
+    let [straight, face] = [area(|hole| &hole.outline), area(|hole| &hole.face_outline)];
     assert!(face < straight);
     // A chamfer is about a prismatoid between both sections.
     let expected = straight * (frame.depth - 2.0 * frame.chamfer_depth) + (straight + face) * frame.chamfer_depth;

@@ -2,9 +2,9 @@
 
 use glam::DVec2;
 
-use super::Triangles;
 use super::stone::add_band;
 use super::sweep::at;
+use super::triangles::Triangles;
 use super::triangulate::triangulate;
 use crate::plan::WindowPlan;
 

@@ -15,7 +15,7 @@ use crate::error::{GlazingError, check, check_count};
 use crate::outline::{Corner, Outline, Side};
 
 /// The radius of the lobes, as a multiple of that at which they touch each other.
-const OVERLAP: f64 = 1.15;
+const OVERLAP: f64 = 1.25;
 
 /// Lobes within a circle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -78,7 +78,7 @@ mod tests {
             let cusp = outline.end(0);
             assert!(cusp.length() < 0.95, "{lobes}: {}", cusp.length());
             let Curve::Circle { radius, .. } = outline.sides()[0].curve else { panic!("no circle") };
-            assert!((radius - 1.15 * sine / (1.0 + sine)).abs() < 1e-12);
+            assert!((radius - 1.25 * sine / (1.0 + sine)).abs() < 1e-12);
         }
     }
 

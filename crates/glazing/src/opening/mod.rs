@@ -1,33 +1,20 @@
-//! The opening in the wall.
+//! The opening in the wall. One file for each kind; `registry` lists them.
 
 mod arch;
 mod foil;
 mod head;
+mod registry;
 mod roundel;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 pub use self::arch::Arch;
 pub use self::foil::Foil;
 pub(crate) use self::foil::{LOBES, foil_outline};
 pub(crate) use self::head::TwoCentred;
 pub use self::head::{Drop, Head, Lancet, Ogee, Segmental, Tudor};
+pub use self::registry::Opening;
 pub use self::roundel::Roundel;
 use crate::error::GlazingError;
 use crate::outline::Outline;
-
-/// The opening in the wall. Its lowest edge is at y = 0 and its middle at x = 0.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Opening {
-    /// Upright jambs on a level sill, and a head.
-    Arch(Arch),
-    /// A circle.
-    Roundel(Roundel),
-    /// Lobes within a circle: a trefoil, a quatrefoil.
-    Foil(Foil),
-}
 
 /// The form of an opening.
 pub(crate) struct OpeningForm {
@@ -54,18 +41,6 @@ pub(crate) struct ArchForm {
 pub(crate) trait OpeningShape {
     /// Checks the settings, and gives the form.
     fn form(&self, path: &str) -> Result<OpeningForm, GlazingError>;
-}
-
-impl Opening {
-    /// The form of the opening.
-    pub(crate) fn form(&self, path: &str) -> Result<OpeningForm, GlazingError> {
-        let (name, shape): (&str, &dyn OpeningShape) = match self {
-            Self::Arch(arch) => ("arch", arch),
-            Self::Roundel(roundel) => ("roundel", roundel),
-            Self::Foil(foil) => ("foil", foil),
-        };
-        shape.form(&crate::error::join(path, name))
-    }
 }
 
 /// Widths and heights of openings, metres.

@@ -1,40 +1,25 @@
-//! Tracery: how stone divides an opening into lights. One file for each kind.
+//! Tracery: how stone divides an opening into lights. One file for each kind; `registry` lists
+//! them.
 //!
-//! Every kind gives cells that are bounded by the middle lines of its bars. A light is a cell without the half bar along
-//! its edge. A cell with no room for a light stays stone.
+//! Every kind gives cells that are bounded by the middle lines of its bars. A light is a cell without the half bar
+//! along its edge. A cell with no room for a light stays stone.
 
 mod geometrical;
 mod intersecting;
 mod mullions;
+mod registry;
 
 use glam::DVec2;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 pub use self::geometrical::Geometrical;
 pub use self::intersecting::Intersecting;
 pub use self::mullions::Mullions;
-use crate::error::{GlazingError, join};
+pub use self::registry::Tracery;
+use crate::error::GlazingError;
+use crate::grid::crossing;
 use crate::opening::{ArchForm, OpeningForm, TwoCentred, foil_outline};
 use crate::outline::{Outline, Side};
 use crate::polygon;
-
-/// How stone divides the opening into lights.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Tracery {
-    /// The whole opening is one light.
-    #[default]
-    None,
-    /// Upright bars up to the head.
-    Mullions(Mullions),
-    /// A mullion that forks into two arcs with the radius of the head.
-    Y,
-    /// Mullions that fork into arcs with the radius of the head, which cross.
-    Intersecting(Intersecting),
-    /// Two pointed lights under a circle with a foil.
-    Geometrical(Geometrical),
-}
 
 /// A cell between the middle lines of bars.
 pub(crate) enum TraceryCell {
@@ -46,13 +31,13 @@ pub(crate) enum TraceryCell {
 
 impl TraceryCell {
     /// The cell without a strip along its edge.
-    fn light(self, strip: f64) -> Option<Outline> {
+    pub(crate) fn light(self, strip: f64) -> Option<Outline> {
         match self {
             Self::Bounded(sides) => {
                 let inset = |side: Side| Some(Side { curve: side.curve.inset(strip)?, corner: side.corner });
                 let light = Outline::new(sides.into_iter().map(inset).collect::<Option<Vec<Side>>>()?)?;
                 let corners = light.polygon();
-                (polygon::area(&corners) > 0.0 && polygon::crossing(&corners).is_none()).then_some(light)
+                (polygon::area(&corners) > 0.0 && crossing(&corners).is_none()).then_some(light)
             }
             Self::Foil { centre, radius, lobes } => {
                 (radius > strip).then(|| foil_outline(centre, radius - strip, lobes)).flatten()
@@ -72,41 +57,6 @@ pub(crate) struct Cells {
     pub(crate) cells: Vec<TraceryCell>,
     /// So many of them must have room for glass.
     pub(crate) lights: usize,
-}
-
-/// The least extent of a light, metres.
-const MIN_LIGHT: f64 = 0.04;
-
-impl Tracery {
-    /// The name in a design, and the settings.
-    fn parts(&self) -> Option<(&'static str, &dyn TraceryShape)> {
-        match self {
-            Self::None => None,
-            Self::Mullions(tracery) => Some(("mullions", tracery)),
-            Self::Y => Some(("y", &intersecting::Y)),
-            Self::Intersecting(tracery) => Some(("intersecting", tracery)),
-            Self::Geometrical(tracery) => Some(("geometrical", tracery)),
-        }
-    }
-
-    /// The lights of an opening between bars of a width.
-    pub(crate) fn lights(&self, form: &OpeningForm, bar: f64, path: &str) -> Result<Vec<Outline>, GlazingError> {
-        let Some((name, tracery)) = self.parts() else { return Ok(vec![form.outline.clone()]) };
-        let path = join(path, name);
-        let Cells { cells, lights: needed } = tracery.cells(form, bar, &path)?;
-        let mut lights = Vec::new();
-        for (index, cell) in cells.into_iter().enumerate() {
-            match cell.light(0.5 * bar).filter(|light| light.inset(0.5 * MIN_LIGHT).is_some()) {
-                Some(light) => lights.push(light),
-                None if index < needed => {
-                    let expected = "narrow enough to leave room for glass in every light of this tracery";
-                    return Err(GlazingError::new("stone.width", bar, expected));
-                }
-                None => {}
-            }
-        }
-        Ok(lights)
-    }
 }
 
 /// The arcs of a two-centred head, which a kind of tracery needs.

@@ -66,8 +66,9 @@ fn open_light(form: &OpeningForm, left: f64, right: f64) -> Vec<Side> {
     }
     for (index, side) in outline.sides().iter().enumerate().skip(1) {
         let (from, to) = (outline.start(index).x, outline.end(index).x);
-        let is_jamb = from == to && (from > middle && first || from < middle && last);
-        if is_jamb || from.max(to) > left + margin && from.min(to) < right - margin && from != to {
+        let is_upright = (from - to).abs() <= margin;
+        let is_jamb = is_upright && (from > middle && first || from < middle && last);
+        if is_jamb || from.max(to) > left + margin && from.min(to) < right - margin && !is_upright {
             sides.push(*side);
         }
     }

@@ -1,8 +1,8 @@
 //! Ogee arches.
 //!
 //! On either side, a convex arc of radius `r` starts upright at the jamb. A concave arc of radius `R` goes on without a
-//! corner up to the apex. With `n` the direction of the concave arc's centre from the apex, and `p` the way from the
-//! centre of the convex arc to the apex, `R = (|p|^2 - r^2) / (2 (r - p.n))`.
+//! corner up to the apex. Let `n` be the direction of the concave arc's centre from the apex. Let `p` be the way from
+//! the centre of the convex arc to the apex. Then `R = (|p|^2 - r^2) / (2 (r - p.n))`.
 
 use glam::DVec2;
 use schemars::JsonSchema;
@@ -30,8 +30,15 @@ pub struct Ogee {
     pub apex_angle: f64,
 }
 
-pub(super) fn apex_angle() -> f64 {
+fn apex_angle() -> f64 {
     40.0
+}
+
+impl Ogee {
+    /// Usual proportions over a span, metres.
+    pub(super) fn usual(span: f64) -> Self {
+        Self { rise: span, radius: None, apex_angle: apex_angle() }
+    }
 }
 
 impl HeadShape for Ogee {

@@ -1,8 +1,8 @@
 //! Four-centred arches.
 //!
-//! On either side, an arc of radius `r` starts upright at the jamb and turns by an angle `a`. An arc of radius `R` goes
-//! on without a corner up to the apex. With `e` the direction of the joint from the centre `C` of the first arc, and `v`
-//! the way from `C` to the apex, `R - r = (|v|^2 - r^2) / (2 (r - v.e))`.
+//! On either side, an arc of radius `r` starts upright at the jamb and turns by an angle `a`. An arc of radius `R`
+//! goes on without a corner up to the apex. With `e` the direction of the joint from the centre `C` of the first arc,
+//! and `v` the way from `C` to the apex, `R - r = (|v|^2 - r^2) / (2 (r - v.e))`.
 
 use glam::DVec2;
 use schemars::JsonSchema;
@@ -30,8 +30,15 @@ pub struct Tudor {
     pub haunch_angle: f64,
 }
 
-pub(super) fn haunch_angle() -> f64 {
+fn haunch_angle() -> f64 {
     55.0
+}
+
+impl Tudor {
+    /// Usual proportions over a span, metres.
+    pub(super) fn usual(span: f64) -> Self {
+        Self { rise: 0.32 * span, haunch_radius: None, haunch_angle: haunch_angle() }
+    }
 }
 
 impl HeadShape for Tudor {
@@ -50,8 +57,8 @@ impl HeadShape for Tudor {
         // The upper arc rises to the right up to the apex, where it meets its mirror image in a point.
         if !(growth > 0.0 && growth.is_finite() && centre.x > 1e-3 * span) {
             let expected = format!(
-                "such that arcs that meet in a point can go on from the haunches: for a rise of {rise} metres a smaller \
-                 haunch_radius than {haunch}, or another haunch_angle"
+                "such that arcs that meet in a point can go on from the haunches: for a rise of {rise} metres a \
+                 smaller haunch_radius than {haunch}, or another haunch_angle"
             );
             return Err(GlazingError::new(join(path, "haunch_angle"), self.haunch_angle, expected));
         }

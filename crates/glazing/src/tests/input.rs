@@ -1,0 +1,147 @@
+//! What designs in JSON say, and what is wrong with some.
+
+use serde_json::{Value, json};
+
+use super::designs::all;
+use crate::{GlazingError, WindowDesign};
+
+fn window() -> Value {
+    json!({ "opening": { "arch": { "width": 0.6, "height": 2.0, "head": "equilateral" } } })
+}
+
+fn read(value: Value) -> WindowDesign {
+    serde_json::from_value(value).unwrap()
+}
+
+#[test]
+fn a_few_lines_make_a_window() {
+    let design = read(window());
+    assert_eq!(design, WindowDesign::new(design.opening.clone()));
+    let plan = design.plan().unwrap();
+    assert!(plan.pieces.len() > 100);
+    assert_eq!(design.glass_names(), ["clear"]);
+    assert_eq!(plan.pieces[0].place.to_string(), "light 1 field row 1 column 2");
+}
+
+#[test]
+fn designs_are_written_as_they_are_read() {
+    for design in all() {
+        let text = serde_json::to_string(&design).unwrap();
+        assert_eq!(serde_json::from_str::<WindowDesign>(&text).unwrap(), design);
+    }
+}
+
+#[test]
+fn choices_are_named_in_small_letters() {
+    let mut value = window();
+    value["tracery"] = json!("y");
+    value["filling"] = json!({ "border": { "width": 0.03, "field": { "rectangles": { "offset": 0.5 } } } });
+    value["lead"] = json!("none");
+    value["bars"] = json!({ "saddle": { "section": "square" } });
+    value["glass"] = json!({ "mixed": { "kinds": [{ "name": "green" }, { "name": "white", "weight": 2 }] } });
+    value["opening"]["arch"]["width"] = json!(1.2);
+    let design = read(value);
+    design.plan().unwrap();
+    assert_eq!(design.glass_names(), ["green", "white"]);
+}
+
+#[test]
+fn unknown_members_are_refused() {
+    for pointer in ["/opening/arch", "", "/lead/cames", "/bars/saddle", "/filling/diamonds", "/stone"] {
+        let mut value = serde_json::to_value(read(window())).unwrap();
+        value.pointer_mut(pointer).unwrap()["colour"] = json!(1);
+        assert!(serde_json::from_value::<WindowDesign>(value).is_err(), "{pointer}");
+    }
+}
+
+/// The error of a window in which a member has another value.
+fn error(pointer: &str, changed: Value) -> GlazingError {
+    let mut value = serde_json::to_value(read(window())).unwrap();
+    *value.pointer_mut(pointer).unwrap_or_else(|| panic!("{pointer}")) = changed;
+    read(value).plan().unwrap_err()
+}
+
+#[test]
+fn errors_name_the_member_and_what_is_expected() {
+    let text = error("/opening/arch/width", json!(40.0)).to_string();
+    assert_eq!(text, "opening.arch.width: found 40, must be 0.05 to 30 metres");
+    for (pointer, value, path) in [
+        ("/opening/arch/height", json!(0.1), "opening.arch.height"),
+        ("/opening/arch/head", json!({ "lancet": { "radius": 0.3 } }), "opening.arch.head.lancet.radius"),
+        ("/opening", json!({ "foil": { "diameter": 1, "lobes": 2 } }), "opening.foil.lobes"),
+        ("/opening", json!({ "roundel": { "diameter": 0 } }), "opening.roundel.diameter"),
+        ("/tracery", json!({ "intersecting": { "lights": 1 } }), "tracery.intersecting.lights"),
+        ("/tracery", json!({ "mullions": { "lights": 12 } }), "stone.width"),
+        ("/stone/width", json!(2), "stone.width"),
+        ("/stone/chamfer", json!(0.06), "stone.chamfer"),
+        ("/filling", json!({ "diamonds": { "width": 0 } }), "filling.diamonds.width"),
+        ("/filling", json!({ "rectangles": { "offset": 2 } }), "filling.rectangles.offset"),
+        ("/filling", json!({ "border": { "width": 0.4 } }), "filling.border.width"),
+        (
+            "/filling",
+            json!({ "border": { "field": { "border": { "width": 0.3 } } } }),
+            "filling.border.field.border.width",
+        ),
+        ("/filling", json!({ "roundels": { "gap": 0 } }), "filling.roundels.gap"),
+        ("/glass", json!({ "uniform": { "name": "" } }), "glass.uniform.name"),
+        ("/lead", json!({ "cames": { "flange_width": 0.001 } }), "lead.cames.flange_width"),
+        ("/bars", json!({ "ferramenta": { "spacing": [0.5, 0] } }), "bars.ferramenta.spacing[1]"),
+        ("/tilt", json!(-1), "tilt"),
+        ("/thickness_variation", json!(0.5), "thickness_variation"),
+    ] {
+        let error = error(pointer, value);
+        assert_eq!(error.path, path, "{error}");
+    }
+}
+
+#[test]
+fn numbers_that_are_none_are_refused() {
+    let mut design = read(window());
+    design.tilt = f64::NAN;
+    assert_eq!(design.plan().unwrap_err().path, "tilt");
+    let crate::Opening::Arch(arch) = &mut design.opening else { panic!("no arch") };
+    arch.height = f64::INFINITY;
+    design.tilt = 0.0;
+    assert_eq!(design.plan().unwrap_err().path, "opening.arch.height");
+}
+
+#[test]
+fn more_pieces_than_a_window_may_have_are_refused() {
+    let mut value = window();
+    value["opening"]["arch"] = json!({ "width": 20, "height": 30 });
+    for (name, member) in [("diamonds", "width"), ("rectangles", "width"), ("roundels", "diameter")] {
+        value["filling"] = json!({ name: { member: 0.02 } });
+        let error = read(value.clone()).plan().unwrap_err();
+        assert_eq!(error.path, format!("filling.{name}.{member}"));
+        assert!(error.expected.contains("100000"), "{error}");
+    }
+}
+
+#[test]
+fn wrong_drawings_are_refused_at_their_piece() {
+    for (path, expected) in [
+        ("", "around at least"),
+        ("M 0 0 L 100", "SVG path"),
+        ("M 0 0 L 100 0", "around at least"),
+        ("M 100 100 L 200 200 L 200 100 L 100 200 Z M 0 0", "one closed part"),
+        ("M 100 100 L 200 200 L 200 100 L 100 250 Z", "does not cross itself"),
+        ("M 5000 0 L 5100 0 L 5100 100 Z", "lies in a light"),
+        ("M 0 0 L 1e300 0 L 0 1e300 Z", "within 1000 metres"),
+    ] {
+        let mut value = window();
+        let good = json!({ "path": "M 200 1000 L 300 1000 L 300 1200 Z", "glass": "red" });
+        value["filling"] = json!({ "drawn": { "pieces": [good, { "path": path, "glass": "blue" }] } });
+        let error = read(value).plan().unwrap_err();
+        assert_eq!(error.path, "filling.drawn.pieces[1].path", "{error}");
+        assert!(error.expected.contains(expected), "{error}");
+    }
+    assert_eq!(error("/filling", json!({ "drawn": { "pieces": [] } })).path, "filling.drawn.pieces");
+}
+
+#[test]
+fn the_schema_has_the_defaults_and_ranges() {
+    let schema = serde_json::to_value(schemars::schema_for!(WindowDesign)).unwrap();
+    assert_eq!(schema["properties"]["tilt"]["default"], 0.3);
+    assert_eq!(schema["required"], json!(["opening"]));
+    assert_eq!(schema["$defs"]["Cames"]["properties"]["flange_width"]["maximum"], 0.05);
+}

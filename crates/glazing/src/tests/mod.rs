@@ -1,0 +1,6 @@
+//! Tests of whole windows.
+
+mod designs;
+mod input;
+mod pieces;
+mod random_designs;
