@@ -49,8 +49,8 @@ pub fn reference_folder() -> PathBuf {
 
 /// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case and a light. Cases are
 /// `crown`, `bump`, `flat`, `cathedral` and `room`. Lights are `point`, `sphere`, `sun`, `near` for a large light near
-/// by, and `steep` for one at 60 degrees. `distant-METRES` is a sphere at this distance, compared with the sun. In the room, lights are `sun`, or
-/// `sun-DEGREES` for a sun of another angular radius.
+/// by, and `steep` for one at 60 degrees. `distant-METRES` is a sphere at this distance, compared with the sun. In the
+/// room, lights are `sun`, or `sun-DEGREES` for a sun of another angular radius.
 ///
 /// # Panics
 ///

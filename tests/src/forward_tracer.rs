@@ -2,9 +2,9 @@
 //!
 //! A photon starts at a point of the face towards the light, drawn uniformly, and at a point or direction of the light.
 //! It is refracted at both faces, with Fresnel's transmittance of both together and Beer-Lambert absorption between
-//! them. It meets the nearest triangle, and is added to the pixel that sees the place. The only equation to solve is where a
-//! line meets a height field. The only density to know is that of the start. This is the simplest unbiased estimator of
-//! the picture. It shares no formula with the methods that search paths backwards.
+//! them. It meets the nearest triangle, and is added to the pixel that sees the place. The only equation to solve is
+//! where a line meets a height field. The only density to know is that of the start. This is the simplest unbiased
+//! estimator of the picture. It shares no formula with the methods that search paths backwards.
 //!
 //! All other paths are left out. Photons whose line to the light or onwards meets the box of another pane are dropped.
 //! This is right only where panes do not cover each other.

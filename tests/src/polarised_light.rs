@@ -1,8 +1,8 @@
 //! What two faces of glass transmit of unpolarised light, by the fields of two waves that swing across each other.
 //!
-//! The renderer carries the intensity and linear polarisation of light. Here a wave is a vector in space. At a face, its
-//! parts across and in the plane of incidence shrink by the roots of what the face transmits of each. The mean of both
-//! waves is what unpolarised light keeps.
+//! The renderer carries the intensity and linear polarisation of light. Here a wave is a vector in space. At a face,
+//! its parts across and in the plane of incidence shrink by the roots of what the face transmits of each. The mean of
+//! both waves is what unpolarised light keeps.
 
 use glam::DVec3;
 
@@ -27,7 +27,7 @@ impl TwoFaces {
         Self { each: [first, second].map(|face| 0.5 * (face.across.1 + face.along.1)), both: 0.5 * (kept[0] + kept[1]) }
     }
 
-    /// What is lost of the light where each face is taken to meet unpolarised light: the factor that mends it.
+    /// What both transmit over what they would if each met unpolarised light.
     pub fn over_averages(&self) -> f64 {
         self.both / (self.each[0] * self.each[1])
     }

@@ -1,7 +1,7 @@
 //! Lists of all paths from points of a receiver through a pane to a point light, found by brute force.
 //!
-//! The lists have the light of faces that each meet unpolarised light. Here it is multiplied by what both faces transmit
-//! together over that.
+//! The lists have the light of faces that each meet unpolarised light. Here it is multiplied by what both faces
+//! transmit together over that.
 
 use std::fs;
 

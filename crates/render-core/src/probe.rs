@@ -16,8 +16,8 @@ use clerestory_film::{NodeAddress, TileGrid, store};
 /// The scene, without an integrator.
 const SCENE: &str = include_str!("probe.json");
 
-/// A scene with lights of every kind, more than are all asked, a mirror, and glass at large angles of incidence. What all
-/// methods share is in each digest.
+/// A scene with lights of every kind, more than are all asked, a mirror, and glass at large angles of incidence. What
+/// all methods share is in each digest.
 const LIGHTS: &str = include_str!("probe_lights.json");
 
 /// The cases of the first probe, which had one digest for all methods. This list never changes, because jobs that older

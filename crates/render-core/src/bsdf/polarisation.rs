@@ -1,7 +1,7 @@
 //! Polarisation of light along a chain of smooth surfaces.
 //!
 //! A surface treats light differently that swings across the plane of incidence (s) and in it (p). With Ts and Tp the
-//! parts that it transmits, light of intensity I with the linear polarisation Q and U leaves with
+//! parts that it transmits, light of intensity I and linear polarisation Q and U leaves with
 //!
 //! ```text
 //! I' = A I + D Q     A = (Ts + Tp) / 2
@@ -17,8 +17,8 @@
 //! U' = -Q sin 2phi + U cos 2phi
 //! ```
 //!
-//! So a pane transmits `T = A1 A2 + D1 D2 cos 2phi` of unpolarised light (Born and Wolf 1999, section 1.5; Collett 2005,
-//! chapters 5 and 8).
+//! So a pane transmits `T = A1 A2 + D1 D2 cos 2phi` of unpolarised light. Sources: Born and Wolf 1999, section 1.5, and
+//! Collett 2005, chapters 5 and 8.
 //!
 //! The state is carried from the eye to the light, because each surface is reciprocal: unpolarised light loses the same
 //! part both ways. It begins unpolarised at the camera and at each vertex that scatters into a solid angle.
@@ -38,8 +38,8 @@ pub struct Mueller {
     pub diagonal: f64,
 }
 
-/// The amplitudes that a smooth face reflects. The axes of s and p and the ray are right-handed before and behind it, so
-/// that `s` and `p` have opposite signs along the normal.
+/// The amplitudes that a smooth face reflects. The axes of s and p and the ray are right-handed before and behind it. So
+/// `s` and `p` have opposite signs along the normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fresnel {
     s: f64,

@@ -29,6 +29,12 @@ const ANGLES: [f64; 7] = [0.0, 20.0, 40.0, 60.0, 70.0, 80.0, 85.0];
 /// Angles between planes of incidence, in degrees.
 const TURNS: [f64; 5] = [0.0, 30.0, 45.0, 60.0, 90.0];
 
+/// The unit vector at an angle, in degrees.
+fn at(degrees: f64) -> DVec2 {
+    let (sin, cos) = libm::sincos(degrees.to_radians());
+    DVec2::new(cos, sin)
+}
+
 /// What light loses at two faces.
 struct Expected {
     transmittance: f64,
@@ -55,11 +61,10 @@ impl TwoFaces {
 
     /// Faces at which light has these angles of incidence in air, with `turn` between their planes of incidence.
     fn with_angles([first, second]: [f64; 2], turn: f64) -> Self {
-        let angle = |degrees: f64| DVec2::from_angle(degrees.to_radians());
-        let near = DVec3::new(angle(first).y, 0.0, -angle(first).x);
+        let near = DVec3::new(at(first).y, 0.0, -at(first).x);
         let inner = refract(DVec3::Z, near, 1.0, GLASS).unwrap().direction;
-        let sine = angle(second).y / GLASS;
-        let tilt = inner.cross(DVec3::Y) * angle(turn).x + DVec3::Y * angle(turn).y;
+        let sine = at(second).y / GLASS;
+        let tilt = inner.cross(DVec3::Y) * at(turn).x + DVec3::Y * at(turn).y;
         let far = inner * (1.0 - sine * sine).sqrt() + tilt * sine;
         Self::of(DVec3::Z, [near, far]).unwrap()
     }
@@ -114,7 +119,7 @@ fn squares(faces: &TwoFaces) -> Vec<Value> {
 
 /// A flat pane in the way of the ray, at an angle in degrees.
 fn flat_pane(angle: f64) -> Value {
-    let DVec2 { x: cos, y: sin } = DVec2::from_angle(angle.to_radians());
+    let DVec2 { x: cos, y: sin } = at(angle);
     json!({
         "name": "pane", "centre": [0, 0, 0], "x_axis": [cos, 0, sin], "y_axis": [0, 1, 0],
         "width": 1, "height": 1, "thickness": 0.003, "index_of_refraction": GLASS})
