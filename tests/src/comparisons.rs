@@ -48,9 +48,9 @@ pub fn reference_folder() -> PathBuf {
 }
 
 /// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case and a light. Cases are
-/// `crown`, `bump`, `flat`, `cathedral` and `room`. Lights are `point`, `sphere`, `sun`, and `near` for a large light
-/// near by. `distant-METRES` is a sphere at this distance, compared with the sun. In the room, lights are `sun`, or
-/// `sun-DEGREES` for a sun of another angular radius.
+/// `crown`, `bump`, `flat`, `cathedral` and `room`. Lights are `point`, `sphere`, `sun`, `near` for a large light near
+/// by, and `steep` for one at 60 degrees. `distant-METRES` is a sphere at this distance, compared with the sun. In the
+/// room, lights are `sun`, or `sun-DEGREES` for a sun of another angular radius.
 ///
 /// # Panics
 ///
@@ -62,7 +62,7 @@ pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
     let traced = TracedScene::build(&bundle, &folder).expect("the scenes can be traced");
     // Of those that draw one point of a light. A light so large has folds everywhere, and they weigh little.
-    let is_large = light == "near" || light.starts_with("sun-");
+    let is_large = ["near", "steep"].contains(&light) || light.starts_with("sun-");
     let draws_points = !methods::looks_at_whole_lights(integrator) && !is_large;
     let folds = if draws_points { Folds::OfAllLights } else { Folds::OfPoints };
     Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored, folds, has_saddles }
@@ -91,8 +91,9 @@ pub(crate) struct Setting {
 fn through_one_pane(case: &str, light: &str) -> Setting {
     let folder = reference_folder();
     let distance = light.strip_prefix("distant-").map(|metres| metres.parse().expect("a number of metres"));
-    let similar = if light == "near" || distance.is_some() { "sun" } else { light };
-    let stored = (light != "near").then(|| folder.join(format!("{case}-{similar}-reference.exr")));
+    let is_moved = ["near", "steep"].contains(&light);
+    let similar = if is_moved || distance.is_some() { "sun" } else { light };
+    let stored = (!is_moved).then(|| folder.join(format!("{case}-{similar}-reference.exr")));
     let bundle = load(&folder.join(format!("{case}-{similar}.json"))).expect("the reference scenes are valid");
     let mut description = bundle.description().clone();
     if let Some(metres) = distance {
@@ -100,6 +101,9 @@ fn through_one_pane(case: &str, light: &str) -> Setting {
     }
     if light == "near" {
         move_near(&mut description, case);
+    }
+    if light == "steep" {
+        tilt(&mut description);
     }
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
     // A flat pane has none, and a light so large washes them out.
@@ -141,20 +145,12 @@ fn bring_the_sun_to(description: &mut SceneDescription, distance: f64) {
     }
 }
 
-/// A large light at 0.8 m and the receiver at 0.1 m from the pane.
+/// How far the receiver of a large light is from the pane, metres.
+const RECEIVER_DISTANCE: f64 = 0.1;
+
+/// A large light at 0.8 m, and the receiver behind the pane.
 fn move_near(description: &mut SceneDescription, case: &str) {
-    const RECEIVER_DISTANCE: f64 = 0.1;
-    let CameraDescription::Orthographic { position, look_at, .. } = &mut description.camera else {
-        unreachable!("the reference scenes have orthographic cameras")
-    };
-    let shift = DVec3::new(0.0, 0.0, -RECEIVER_DISTANCE) - DVec3::from(*look_at);
-    *position = (DVec3::from(*position) + shift).into();
-    *look_at = (DVec3::from(*look_at) + shift).into();
-    for mesh in description.meshes.iter_mut().filter(|mesh| mesh.name == "receiver") {
-        mesh.translate = shift.into();
-    }
-    description.film.width = 32;
-    description.film.height = 32;
+    move_receiver(description, DVec3::new(0.0, 0.0, -RECEIVER_DISTANCE));
     let (name, centre, radiance) = ("lamp".to_owned(), [0.15, 0.1, 0.8], [3.0, 2.5, 2.0]);
     description.lights = vec![match case {
         "crown" | "cathedral" => LightDescription::Sphere(SphereLight { name, centre, radius: 0.35, radiance }),
@@ -167,6 +163,33 @@ fn move_near(description: &mut SceneDescription, case: &str) {
             radiance,
         }),
     }];
+}
+
+/// A large light at 60 degrees to the pane's normal, and the receiver opposite it.
+fn tilt(description: &mut SceneDescription) {
+    let towards = DVec3::new(3f64.sqrt(), 0.0, 1.0);
+    move_receiver(description, towards * -RECEIVER_DISTANCE);
+    description.lights = vec![LightDescription::Sphere(SphereLight {
+        name: "lamp".to_owned(),
+        centre: (towards * 0.5).into(),
+        radius: 0.25,
+        radiance: [3.0, 2.5, 2.0],
+    })];
+}
+
+/// Moves the middle of the receiver, in a picture of fewer pixels.
+fn move_receiver(description: &mut SceneDescription, middle: DVec3) {
+    let CameraDescription::Orthographic { position, look_at, .. } = &mut description.camera else {
+        unreachable!("the reference scenes have orthographic cameras")
+    };
+    let shift = middle - DVec3::from(*look_at);
+    *position = (DVec3::from(*position) + shift).into();
+    *look_at = (DVec3::from(*look_at) + shift).into();
+    for mesh in description.meshes.iter_mut().filter(|mesh| mesh.name == "receiver") {
+        mesh.translate = shift.into();
+    }
+    description.film.width = 32;
+    description.film.height = 32;
 }
 
 impl Comparison {

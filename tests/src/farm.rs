@@ -390,14 +390,14 @@ impl Farm {
         self.wait_until_at(&self.coordinators[index].address, what, enough)
     }
 
-    /// Waits until no job is queued or running.
+    /// Waits until no job is queued or running but those that only workers of another build can continue.
     ///
     /// # Panics
     ///
     /// When that does not happen within minutes.
     pub fn wait_until_all_have_ended(&self) {
         let jobs = || self.asked(async |client| client.jobs().await);
-        until("all jobs have ended", || jobs().iter().all(|job| job.state.is_final()));
+        until("all have ended", || jobs().iter().all(|job| job.state.is_final() || job.waits_for_build.is_some()));
     }
 
     fn wait_until_at(&self, address: &str, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {

@@ -1,10 +1,10 @@
 //! Light traced forward, from the lights through single panes onto diffuse surfaces and into the camera: `D TT L`.
 //!
 //! A photon starts at a point of the face towards the light, drawn uniformly, and at a point or direction of the light.
-//! It is refracted at both faces, with unpolarised Fresnel transmittance and Beer-Lambert absorption between them. It
-//! meets the nearest triangle, and is added to the pixel that sees the place. The only equation to solve is where a
-//! line meets a height field. The only density to know is that of the start. This is the simplest unbiased estimator of
-//! the picture. It shares no formula with the methods that search paths backwards.
+//! It is refracted at both faces, with Fresnel's transmittance of both together and Beer-Lambert absorption between
+//! them. It meets the nearest triangle, and is added to the pixel that sees the place. The only equation to solve is
+//! where a line meets a height field. The only density to know is that of the start. This is the simplest unbiased
+//! estimator of the picture. It shares no formula with the methods that search paths backwards.
 //!
 //! All other paths are left out. Photons whose line to the light or onwards meets the box of another pane are dropped.
 //! This is right only where panes do not cover each other.
@@ -14,6 +14,7 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use crate::polarised_light::TwoFaces;
 use crate::random::Random;
 use crate::reference::Image;
 use crate::spline::Spline;
@@ -39,6 +40,8 @@ pub enum Fault {
     None,
     /// The Fresnel transmittance of the second face is forgotten.
     MissingFresnelFactor,
+    /// Each face is taken to meet unpolarised light.
+    AveragedPerFace,
     /// Paths that reverse the orientation, the saddle points of the optical length, are lost.
     DroppedSaddles,
     /// All light is too bright by half a percent.
@@ -167,10 +170,11 @@ pub fn photon(
             return None;
         }
     }
-    let fresnel = if fault == Fault::MissingFresnelFactor {
-        exit.transmittance[0]
-    } else {
-        exit.transmittance[0] * exit.transmittance[1]
+    let TwoFaces { each: [first, second], both } = exit.faces;
+    let fresnel = match fault {
+        Fault::MissingFresnelFactor => first,
+        Fault::AveragedPerFace => first * second,
+        _ => both,
     };
     let absorption = (pane.absorption * -exit.glass_length).to_array().map(libm::exp);
     let flux = emission.power * DVec3::from(absorption) * (fresnel * exit.projected_area);
@@ -316,8 +320,8 @@ pub struct Exit {
     pub direction: DVec3,
     /// Parameters of the face through which it leaves.
     pub parameters: [f64; 2],
-    /// Fresnel transmittance at the first and at the second face.
-    pub transmittance: [f64; 2],
+    /// What both faces transmit.
+    pub faces: TwoFaces,
     /// Length of the way through the glass, metres.
     pub glass_length: f64,
     /// Area of the first face for a unit of its parameters, seen from the light, square metres.
@@ -370,17 +374,17 @@ impl Side {
         if projected <= 0.0 {
             return None;
         }
-        let normal = start.normal.normalize();
-        let (inside, first) = refract(-light, normal, 1.0, index)?;
+        let first = start.normal.normalize();
+        let inside = refract(-light, first, 1.0, index)?;
         let (spline, base) = self.faces(pane)[1];
         let (distance, parameters, gradient) = leave(pane, spline, base, start.local, inside)?;
-        let normal = DVec3::new(-gradient[0], -gradient[1], 1.0).normalize() * self.sign();
-        let (outside, second) = refract(inside, normal, index, 1.0)?;
+        let second = DVec3::new(-gradient[0], -gradient[1], 1.0).normalize() * self.sign();
+        let outside = refract(inside, second, index, 1.0)?;
         Some(Exit {
             origin: pane.origin + pane.vector_to_world(start.local + inside * distance),
             direction: pane.vector_to_world(outside),
             parameters,
-            transmittance: [first, second],
+            faces: TwoFaces::new([-light, inside, outside], [first, second], index),
             glass_length: distance,
             projected_area: projected * pane.size.x * pane.size.y,
         })
@@ -409,9 +413,8 @@ impl Side {
     }
 }
 
-/// Refraction of the unit vector `direction` at a face with the unit normal `normal` against it (Snell), with the
-/// Fresnel transmittance of unpolarised light.
-fn refract(direction: DVec3, normal: DVec3, from: f64, to: f64) -> Option<(DVec3, f64)> {
+/// Refraction of the unit vector `direction` at a face with the unit normal `normal` against it (Snell).
+fn refract(direction: DVec3, normal: DVec3, from: f64, to: f64) -> Option<DVec3> {
     let eta = from / to;
     let ci = -direction.dot(normal);
     let sin2 = eta * eta * (1.0 - ci * ci);
@@ -419,9 +422,7 @@ fn refract(direction: DVec3, normal: DVec3, from: f64, to: f64) -> Option<(DVec3
         return None;
     }
     let ct = (1.0 - sin2).sqrt();
-    let rs = (from * ci - to * ct) / (from * ci + to * ct);
-    let rp = (to * ci - from * ct) / (to * ci + from * ct);
-    Some((direction * eta + normal * (eta * ci - ct), 1.0 - 0.5 * (rs * rs + rp * rp)))
+    Some(direction * eta + normal * (eta * ci - ct))
 }
 
 /// Where a ray in the glass meets the second face (Newton), inside the outline: distance, parameters, gradient.

@@ -4,6 +4,7 @@
 //! cannot hide in both:
 //!
 //! - [`spline`], [`traced_scene`] and [`forward_tracer`]: light traced forward from the lights, in double precision;
+//!   [`polarised_light`]: what two faces transmit of it;
 //! - [`mod@reference`]: images with independent halves and a standard error, as OpenEXR;
 //! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
 //! - [`methods`]: the integrators and settings that are tested;
@@ -67,6 +68,7 @@ pub mod pane_mesh;
 pub mod pane_scene;
 pub mod parity;
 pub mod pixel_digests;
+pub mod polarised_light;
 pub mod pool;
 pub mod proxy;
 pub mod random;

@@ -1,7 +1,7 @@
 //! Closed forms that every method has to meet: flat panes (T1), wedges (T4), lenses (T5), and reciprocity (T11).
 //!
 //! The numbers are those of `docs/validation.md`. Nothing here shares code with the renderer: refraction and
-//! transmittance are written out anew.
+//! transmittance are written out anew. `polarisation` has larger angles of incidence.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,16 +18,13 @@ use clerestory_render_core::specular::side::PaneSide;
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::methods::{biased_sms, unbiased_integrators};
 use clerestory_tests::pane_scene::{INDEX, PaneScene, gather, height_map, pane};
+use clerestory_tests::polarised_light::TwoFaces;
 use clerestory_tests::random::Random;
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
-/// Fresnel transmittance of a face of glass for unpolarised light, by the cosines in air and in the glass.
-fn transmittance(air: f64, glass: f64) -> f64 {
-    let s = (air - INDEX * glass) / (air + INDEX * glass);
-    let p = (INDEX * air - glass) / (INDEX * air + glass);
-    1.0 - 0.5 * (s * s + p * p)
-}
+/// Fresnel transmittance of a face of glass along its normal.
+const STRAIGHT: f64 = 4.0 * INDEX / ((INDEX + 1.0) * (INDEX + 1.0));
 
 /// Cosine in the glass, by the sine in air.
 fn glass_cosine(sine: f64) -> f64 {
@@ -35,15 +32,15 @@ fn glass_cosine(sine: f64) -> f64 {
 }
 
 /// A unit vector refracted at a plane with the unit normal `normal`, which lies on the side to which light goes.
-fn refracted(direction: DVec3, normal: DVec3, ratio: f64) -> DVec3 {
+pub(super) fn refracted(direction: DVec3, normal: DVec3, ratio: f64) -> DVec3 {
     let cosine = direction.dot(normal);
     direction * ratio + normal * ((1.0 - ratio * ratio * (1.0 - cosine * cosine)).sqrt() - ratio * cosine)
 }
 
-const THICKNESS: f64 = 0.004;
+pub(super) const THICKNESS: f64 = 0.004;
 const ABSORPTION: f64 = 20.0;
 
-fn flat_pane(size: f64) -> Value {
+pub(super) fn flat_pane(size: f64) -> Value {
     let mut pane = pane("pane", [0.0; 3], [size, size], THICKNESS, [json!("flat"), json!("flat")]);
     pane["absorption"] = json!([ABSORPTION, ABSORPTION, ABSORPTION]);
     pane
@@ -52,12 +49,14 @@ fn flat_pane(size: f64) -> Value {
 /// Transmittance of both faces of a flat pane and of the glass between them.
 fn flat_transmittance(sine: f64) -> f64 {
     let (air, glass) = ((1.0 - sine * sine).sqrt(), glass_cosine(sine));
-    transmittance(air, glass).powi(2) * (-ABSORPTION * THICKNESS / glass).exp()
+    let [outside, inside] = [DVec3::new(sine, 0.0, air), DVec3::new(sine / INDEX, 0.0, glass)];
+    let faces = TwoFaces::new([outside, inside, outside], [DVec3::Z; 2], INDEX);
+    faces.both * (-ABSORPTION * THICKNESS / glass).exp()
 }
 
 /// Irradiance by a point light of unit intensity behind a flat pane, `air` metres of air and `lateral` metres away. It
 /// is the flux in a ring of directions over the area of the lit ring.
-fn flat_irradiance(air: f64, lateral: f64) -> f64 {
+pub(super) fn flat_irradiance(air: f64, lateral: f64) -> f64 {
     let tangent = |sine: f64| sine / (1.0 - sine * sine).sqrt();
     let reach = |sine: f64| air * tangent(sine) + THICKNESS * tangent(sine / INDEX);
     let (mut low, mut high) = (0.0, 1.0 - 1e-12);
@@ -73,7 +72,7 @@ fn flat_irradiance(air: f64, lateral: f64) -> f64 {
 }
 
 /// The settings with which methods find all light from one point of a light, without chance where there is one path.
-fn sure_methods() -> Vec<Value> {
+pub(super) fn sure_methods() -> Vec<Value> {
     let mnee = ["dropped", "left_to_chance"].map(|missed| json!({"mnee": {"missed": missed}}));
     [vec![biased_sms("angle_difference", 12), biased_sms("half_vector", 12)], mnee.to_vec()].concat()
 }
@@ -83,11 +82,11 @@ fn chancy_methods() -> Vec<Value> {
     vec![json!({"cone": {}}), json!({"fnee": {}}), json!({"fnee": {"solver": "published", "max_trials": 100_000}})]
 }
 
-fn irradiance(arrivals: &[(DVec3, f64)], point: &ShadingPoint) -> f64 {
+pub(super) fn irradiance(arrivals: &[(DVec3, f64)], point: &ShadingPoint) -> f64 {
     arrivals.iter().map(|(direction, weight)| weight * direction.dot(point.normal)).sum()
 }
 
-fn point_light(position: [f64; 3]) -> Value {
+pub(super) fn point_light(position: [f64; 3]) -> Value {
     json!({"point": {"name": "lamp", "position": position, "intensity": [1, 1, 1]}})
 }
 
@@ -118,7 +117,7 @@ fn one_path_leads_through_a_flat_pane_with_the_light_of_the_closed_form() {
 
 /// Irradiance by a sky of unit radiance through a flat square pane of half the edge `half` at a distance, by the
 /// midpoint rule. Directions are within `radius` (radians) of one at the angle `tilt` to the normal.
-fn sky_irradiance(tilt: f64, radius: f64, distance: f64, half: f64) -> f64 {
+pub(super) fn sky_irradiance(tilt: f64, radius: f64, distance: f64, half: f64) -> f64 {
     const STEPS: usize = 1500;
     let mut sum = 0.0;
     for ring in 0..STEPS {
@@ -138,7 +137,7 @@ fn sky_irradiance(tilt: f64, radius: f64, distance: f64, half: f64) -> f64 {
     sum * (1.0 - radius.cos()) * TAU / (STEPS * (STEPS / 4)) as f64
 }
 
-fn sun(direction: DVec3, degrees: f64, radiance: f64) -> Value {
+pub(super) fn sun(direction: DVec3, degrees: f64, radiance: f64) -> Value {
     json!({"sun": {"name": "sun", "direction": direction.to_array(), "angular_radius": degrees,
         "radiance": [radiance, radiance, radiance]}})
 }
@@ -198,7 +197,12 @@ const CELLS: usize = 16;
 const CELL: f64 = EDGE / CELLS as f64;
 
 /// A pane whose front and back have these heights; they are as given but for two cells at the border.
-fn shaped(thickness: f64, front: impl Fn(DVec2) -> f64, back: impl Fn(DVec2) -> f64, light: Value) -> PaneScene {
+pub(super) fn shaped(
+    thickness: f64,
+    front: impl Fn(DVec2) -> f64,
+    back: impl Fn(DVec2) -> f64,
+    light: Value,
+) -> PaneScene {
     let faces = ["front.exr", "back.exr"];
     let maps = [height_map([EDGE; 2], [CELLS; 2], front), height_map([EDGE; 2], [CELLS; 2], back)];
     let profiles = faces.map(|file| json!({"height_map": {"file": file}}));
@@ -208,15 +212,15 @@ fn shaped(thickness: f64, front: impl Fn(DVec2) -> f64, back: impl Fn(DVec2) -> 
 
 /// Follows a direction at the receiver through a wedge with these slopes. Returns the direction behind it, the
 /// transmittance, and the ratio of the solid angles at the receiver and behind the wedge.
-fn through_wedge(direction: DVec3, front: DVec2, back: DVec2) -> (DVec3, f64, f64) {
+pub(super) fn through_wedge(direction: DVec3, front: DVec2, back: DVec2) -> (DVec3, f64, f64) {
     let normal = |slope: DVec2| DVec3::new(-slope.x, -slope.y, 1.0).normalize();
     let inner = refracted(direction, normal(front), 1.0 / INDEX);
     let outer = refracted(inner, normal(back), INDEX);
     let air = [direction.dot(normal(front)), outer.dot(normal(back))];
     let glass = [inner.dot(normal(front)), inner.dot(normal(back))];
-    let through = transmittance(air[0], glass[0]) * transmittance(air[1], glass[1]);
+    let through = TwoFaces::new([direction, inner, outer], [normal(front), normal(back)], INDEX);
     // Each refraction keeps n^2 cos(theta) times the solid angle.
-    (outer, through, glass[0] / air[0] * air[1] / glass[1])
+    (outer, through.both, glass[0] / air[0] * air[1] / glass[1])
 }
 
 #[test]
@@ -362,7 +366,7 @@ fn paths_through_a_lens_turn_from_minima_to_saddles_or_maxima_at_the_focus() {
             // On the axis: every method finds the irradiance of the closed form.
             let bench = PaneScene { distance: part * focus(height), ..bench.clone() };
             let point = bench.point([0.0; 2]);
-            let whole = PI * 1e6 * 0.001f64.to_radians().sin().powi(2) * transmittance(1.0, 1.0).powi(2);
+            let whole = PI * 1e6 * 0.001f64.to_radians().sin().powi(2) * STRAIGHT * STRAIGHT;
             let power = -CURVATURE * (INDEX - 1.0);
             let spread = 1.0 - power * (bench.distance + (LENS_THICKNESS + height) / INDEX);
             let expected = whole / if name == "sphere" { spread * spread } else { spread.abs() };

@@ -60,7 +60,7 @@ fn transmitted_power(scene: &TracedScene) -> f64 {
         let to_light = direction * (1.0 - height) + (x * cos + y * sin) * (height * (2.0 - height)).sqrt();
         if let Some(exit) = side.refract(pane, &side.start(pane, [u, v]), to_light) {
             let glass = (-pane.absorption.x * exit.glass_length).exp();
-            power += exit.transmittance[0] * exit.transmittance[1] * glass * exit.projected_area;
+            power += exit.faces.both * glass * exit.projected_area;
         }
     }
     power * radiance.x * TAU * one_minus_cos / POINTS as f64

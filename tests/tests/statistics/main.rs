@@ -14,6 +14,7 @@ mod many_lights;
 mod partition;
 mod partition_of_a_room;
 mod pixels;
+mod polarisation;
 mod references;
 mod reflected_caustics;
 mod room;

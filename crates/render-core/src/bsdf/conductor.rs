@@ -1,7 +1,8 @@
 //! A metal, polished or rough.
 //!
 //! A metal whose facets spread less than [`MIN_ALPHA`] is a mirror: it scatters into single directions, and specular
-//! methods search it. Rougher metals scatter into a solid angle.
+//! methods search it. Schlick's approximation says nothing of polarisation, so it keeps that as an ideal mirror does.
+//! Rougher metals scatter into a solid angle.
 
 use std::sync::Arc;
 
@@ -14,8 +15,10 @@ use super::dielectric::reflected;
 use super::fresnel::schlick_weight;
 use super::glossy::Glossy;
 use super::microfacet::{Ggx, MIN_ALPHA};
+use super::polarisation::{Fresnel, Polarisation};
 use super::{
-    Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta, soft, textures,
+    Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Mirrored, Normals, SurfacePoint, sample_delta, soft,
+    textures,
 };
 use crate::exchange::{ColourModel, SurfaceModel, ValueModel};
 use crate::settings::check::check_range;
@@ -91,11 +94,12 @@ impl DeltaBsdf for PolishedConductor {
         None
     }
 
-    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)> {
+    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<Mirrored> {
         let reflected = reflected(direction, &at.normals)?;
         let reflectance = self.reflectance.at(at.texture);
         let weight = schlick_weight(direction.dot(at.normals.shading).abs());
-        Some((reflected, reflectance + (1.0 - reflectance) * weight))
+        let colour = reflectance + (1.0 - reflectance) * weight;
+        Some(Mirrored { direction: reflected, colour, fresnel: Fresnel::MIRROR })
     }
 }
 
@@ -125,7 +129,7 @@ impl Bsdf for PolishedConductor {
     }
 
     fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample> {
-        sample_delta(self, at, incident, stream)
+        sample_delta(self, at, incident, &mut { Polarisation::NONE }, stream)
     }
 }
 

@@ -11,7 +11,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fresnel::{Refraction, reflect, refract};
-use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta};
+use super::polarisation::{Fresnel, Polarisation};
+use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Mirrored, Normals, SurfacePoint, sample_delta};
 use crate::exchange::SurfaceModel;
 use crate::settings::check::{check_range, check_triple};
 use crate::settings::{Check, JsonPath, Triple, is_default};
@@ -80,17 +81,18 @@ impl DeltaBsdf for Dielectric {
 
     fn transmit(&self, direction: DVec3, normals: &Normals) -> Option<Crossing> {
         let ratio = self.ratio(direction, normals).filter(|_| normals.agree(direction))?;
-        let Refraction { direction: refracted, transmittance } = refract(direction, normals.shading, 1.0, ratio)?;
+        let Refraction { direction: refracted, fresnel } = refract(direction, normals.shading, 1.0, ratio)?;
         let goes_through = refracted.dot(normals.geometric) * direction.dot(normals.geometric) > 0.0;
-        goes_through.then_some(Crossing { direction: refracted, ratio, transmittance })
+        goes_through.then_some(Crossing { direction: refracted, ratio, fresnel })
     }
 
-    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)> {
+    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<Mirrored> {
         let normals = &at.normals;
         let reflected = reflected(direction, normals)?;
         let ratio = self.ratio(direction, normals)?;
         let refraction = refract(direction, normals.shading, 1.0, ratio);
-        Some((reflected, DVec3::splat(1.0 - refraction.map_or(0.0, |refraction| refraction.transmittance))))
+        let fresnel = refraction.map_or(Fresnel::TOTAL, |refraction| refraction.fresnel);
+        Some(Mirrored { direction: reflected, colour: DVec3::ONE, fresnel })
     }
 }
 
@@ -134,6 +136,6 @@ impl Bsdf for Dielectric {
     }
 
     fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample> {
-        sample_delta(self, at, incident, stream)
+        sample_delta(self, at, incident, &mut { Polarisation::NONE }, stream)
     }
 }

@@ -1,14 +1,24 @@
-//! Refraction and Fresnel transmittance at a smooth dielectric interface, for unpolarised light.
+//! Refraction and Fresnel's equations at a smooth dielectric interface.
 
 use glam::DVec3;
+
+use super::polarisation::Fresnel;
 
 /// What happens to a ray at a smooth dielectric interface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refraction {
     /// Unit direction behind the interface.
     pub direction: DVec3,
-    /// Fraction of the power that is transmitted (Fresnel, mean of both polarisations).
-    pub transmittance: f64,
+    /// What the interface does to light.
+    pub fresnel: Fresnel,
+}
+
+impl Refraction {
+    /// Fraction of the power that is transmitted of unpolarised light.
+    #[inline(always)]
+    pub fn transmittance(&self) -> f64 {
+        self.fresnel.transmittance()
+    }
 }
 
 /// Refracts `direction` at an interface with the unit normal `normal`, of either orientation, from a medium of index
@@ -25,7 +35,7 @@ pub fn refract(direction: DVec3, normal: DVec3, index_in: f64, index_out: f64) -
     let cos_out = cos_out_squared.sqrt();
     Some(Refraction {
         direction: direction * ratio + normal * (ratio * cos_in - cos_out),
-        transmittance: fresnel_transmittance(index_in, index_out, cos_in, cos_out),
+        fresnel: Fresnel::of_face(index_in, index_out, cos_in, cos_out),
     })
 }
 
@@ -34,22 +44,14 @@ pub fn reflect(direction: DVec3, normal: DVec3) -> DVec3 {
     direction - normal * (2.0 * direction.dot(normal))
 }
 
-/// Fresnel transmittance of unpolarised light, from the cosines on both sides of the interface.
-#[inline(always)]
-pub fn fresnel_transmittance(index_in: f64, index_out: f64, cos_in: f64, cos_out: f64) -> f64 {
-    let perpendicular = (index_in * cos_in - index_out * cos_out) / (index_in * cos_in + index_out * cos_out);
-    let parallel = (index_out * cos_in - index_in * cos_out) / (index_out * cos_in + index_in * cos_out);
-    1.0 - 0.5 * (perpendicular * perpendicular + parallel * parallel)
-}
-
-/// The part of light that a smooth dielectric interface reflects, by the cosine before it and the index of refraction
-/// behind it over that before it; unpolarised.
-pub(super) fn fresnel_reflectance(cos_in: f64, ratio: f64) -> f64 {
+/// What a smooth dielectric interface does, by the cosine before it and the index of refraction behind it over that
+/// before it.
+pub(super) fn fresnel(cos_in: f64, ratio: f64) -> Fresnel {
     let cos_out_squared = 1.0 - (1.0 - cos_in * cos_in) / (ratio * ratio);
     if cos_out_squared <= 0.0 {
-        return 1.0;
+        return Fresnel::TOTAL;
     }
-    1.0 - fresnel_transmittance(1.0, ratio, cos_in, cos_out_squared.sqrt())
+    Fresnel::of_face(1.0, ratio, cos_in, cos_out_squared.sqrt())
 }
 
 /// What Schlick's approximation adds of the part that is not reflected along the normal: `(1 - cos)^5` (Schlick 1994).
@@ -86,14 +88,14 @@ mod tests {
             assert!((refraction.direction.length() - 1.0).abs() < 1e-15);
             let back = refract(-refraction.direction, normal, 1.5, 1.0).unwrap();
             assert!((back.direction + direction).length() < 1e-14);
-            assert!((back.transmittance - refraction.transmittance).abs() < 1e-15);
+            assert!((back.transmittance() - refraction.transmittance()).abs() < 1e-15);
         }
     }
 
     #[test]
     fn normal_incidence_transmits_the_textbook_fraction() {
         let refraction = refract(DVec3::NEG_Z, DVec3::Z, 1.0, 1.5).unwrap();
-        assert!((refraction.transmittance - 0.96).abs() < 1e-15);
+        assert!((refraction.transmittance() - 0.96).abs() < 1e-15);
         assert_eq!(refraction.direction, DVec3::NEG_Z);
     }
 
@@ -107,10 +109,9 @@ mod tests {
     fn transmittance_vanishes_at_grazing_incidence_and_never_exceeds_one() {
         for step in 0..=1000 {
             let cos_in = f64::from(step) / 1000.0;
-            let cos_out = (1.0f64 - (1.0 - cos_in * cos_in) / 2.25).sqrt();
-            let transmittance = fresnel_transmittance(1.0, 1.5, cos_in, cos_out);
+            let transmittance = fresnel(cos_in, 1.5).transmittance();
             assert!((0.0..=0.960_000_001).contains(&transmittance), "{cos_in} {transmittance}");
         }
-        assert!(fresnel_transmittance(1.0, 1.5, 0.0, (1.0f64 - 1.0 / 2.25).sqrt()).abs() < 1e-15);
+        assert!(fresnel(0.0, 1.5).transmittance().abs() < 1e-15);
     }
 }

@@ -1,4 +1,4 @@
-//! A mirror on both sides.
+//! A mirror on both sides. It reflects all polarisations alike, and mirrors them.
 
 use std::sync::Arc;
 
@@ -8,7 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::dielectric::reflected;
-use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta};
+use super::polarisation::{Fresnel, Polarisation};
+use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Mirrored, Normals, SurfacePoint, sample_delta};
 use crate::exchange::SurfaceModel;
 use crate::settings::check::check_triple;
 use crate::settings::{Check, JsonPath, Triple};
@@ -62,8 +63,9 @@ impl DeltaBsdf for Mirror {
         None
     }
 
-    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)> {
-        reflected(direction, &at.normals).map(|reflected| (reflected, self.reflectance))
+    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<Mirrored> {
+        let direction = reflected(direction, &at.normals)?;
+        Some(Mirrored { direction, colour: self.reflectance, fresnel: Fresnel::MIRROR })
     }
 }
 
@@ -93,6 +95,6 @@ impl Bsdf for Mirror {
     }
 
     fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample> {
-        sample_delta(self, at, incident, stream)
+        sample_delta(self, at, incident, &mut { Polarisation::NONE }, stream)
     }
 }

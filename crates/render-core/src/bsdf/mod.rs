@@ -19,6 +19,7 @@ mod metallic_roughness;
 mod microfacet;
 mod mirror;
 mod opacity;
+pub mod polarisation;
 mod registry;
 mod rough_dielectric;
 mod shading_frame;
@@ -31,6 +32,8 @@ use std::sync::Arc;
 
 use clerestory_film::SampleStream;
 use glam::DVec3;
+
+use polarisation::{Fresnel, Polarisation};
 
 pub use conductor::ConductorMaterial;
 pub use dielectric::DielectricMaterial;
@@ -237,8 +240,24 @@ pub trait Bsdf: fmt::Debug + Send + Sync {
     /// Density per solid angle with which [`Self::sample`] draws a direction.
     fn pdf(&self, at: &SurfacePoint, incident: DVec3, outgoing: DVec3) -> f64;
 
-    /// Draws a direction; `None` where the path ends.
+    /// Draws a direction for unpolarised light; `None` where the path ends.
     fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample>;
+
+    /// Draws a direction for light of a polarisation, which it changes; `None` where the path ends. Scattering into a
+    /// solid angle depolarises.
+    fn sample_polarised(
+        &self,
+        at: &SurfacePoint,
+        incident: DVec3,
+        polarisation: &mut Polarisation,
+        stream: &mut SampleStream,
+    ) -> Option<BsdfSample> {
+        if let Some(delta) = self.as_delta() {
+            return sample_delta(delta, at, incident, polarisation, stream);
+        }
+        *polarisation = Polarisation::NONE;
+        self.sample(at, incident, stream)
+    }
 }
 
 /// A boundary that scatters into single directions: what the specular methods ask of a material.
@@ -257,16 +276,15 @@ pub trait DeltaBsdf {
     /// contradict each other.
     fn transmit(&self, direction: DVec3, normals: &Normals) -> Option<Crossing>;
 
-    /// The direction that is reflected, and the fraction of light that is; `None` where the normals contradict each
-    /// other.
-    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<(DVec3, DVec3)>;
+    /// The ray that is reflected; `None` where the normals contradict each other.
+    fn reflect(&self, direction: DVec3, at: &SurfacePoint) -> Option<Mirrored>;
 }
 
 /// A surface that light passes without a change of direction.
 pub trait StraightBsdf {
-    /// The fraction of light along `direction`, a unit vector, that goes straight on. It is the same for the opposite
-    /// direction.
-    fn transmittance(&self, at: &SurfacePoint, direction: DVec3) -> DVec3;
+    /// The fraction of light along `direction`, a unit vector, that goes straight on, by its polarisation, which
+    /// changes.
+    fn transmittance(&self, at: &SurfacePoint, direction: DVec3, polarisation: &mut Polarisation) -> DVec3;
 }
 
 /// A ray that goes through a boundary.
@@ -276,16 +294,27 @@ pub struct Crossing {
     pub direction: DVec3,
     /// Index of refraction behind the boundary over that before it.
     pub ratio: f64,
-    /// Fraction of the power that is transmitted.
-    pub transmittance: f64,
+    /// What the boundary does to light.
+    pub fresnel: Fresnel,
 }
 
 impl Crossing {
-    /// What radiance from behind the boundary is multiplied by on its way back to where the ray came from: it is
-    /// proportional to the square of the index of refraction.
-    pub fn radiance_factor(&self) -> f64 {
-        self.transmittance / (self.ratio * self.ratio)
+    /// What radiance from behind the boundary is multiplied by on its way back to where the ray came from, if this part
+    /// of the power is transmitted: it is proportional to the square of the index of refraction.
+    pub fn radiance_factor(&self, transmittance: f64) -> f64 {
+        transmittance / (self.ratio * self.ratio)
     }
+}
+
+/// A ray that a boundary reflects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mirrored {
+    /// Unit direction.
+    pub direction: DVec3,
+    /// A factor of the light that is reflected.
+    pub colour: DVec3,
+    /// What the boundary does to light besides.
+    pub fresnel: Fresnel,
 }
 
 /// Draws one of the directions of a delta distribution, by its share of the power.
@@ -293,22 +322,31 @@ fn sample_delta(
     bsdf: &dyn DeltaBsdf,
     at: &SurfacePoint,
     incident: DVec3,
+    polarisation: &mut Polarisation,
     stream: &mut SampleStream,
 ) -> Option<BsdfSample> {
+    let light = polarisation.incident(incident, at.normals.shading);
     let crossing = bsdf.transmit(incident, &at.normals);
+    let through = crossing.map(|crossing| light.after(crossing.fresnel.transmission()));
+    let transmitted = through.map_or(0.0, |(part, _)| part);
     let choice = stream.next_1d();
-    match crossing {
-        Some(crossing) if choice < crossing.transmittance => Some(BsdfSample {
-            direction: crossing.direction,
-            weight: DVec3::splat(crossing.radiance_factor() / crossing.transmittance),
-            kind: SampleKind::Delta(SpecularEvent::Transmission),
-        }),
-        _ => {
-            let (direction, fraction) = bsdf.reflect(incident, at)?;
+    match (crossing, through) {
+        (Some(crossing), Some((_, behind))) if choice < transmitted => {
+            *polarisation = behind;
             Some(BsdfSample {
-                direction,
+                direction: crossing.direction,
+                weight: DVec3::splat(crossing.radiance_factor(transmitted) / transmitted),
+                kind: SampleKind::Delta(SpecularEvent::Transmission),
+            })
+        }
+        _ => {
+            let mirrored = bsdf.reflect(incident, at)?;
+            let (part, before) = light.after(mirrored.fresnel.reflection());
+            *polarisation = before;
+            Some(BsdfSample {
+                direction: mirrored.direction,
                 // The part of the light that is transmitted is that which is not drawn, or lost.
-                weight: fraction / (1.0 - crossing.map_or(0.0, |crossing| crossing.transmittance)),
+                weight: mirrored.colour * part / (1.0 - transmitted),
                 kind: SampleKind::Delta(SpecularEvent::Reflection),
             })
         }

@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::dielectric::{Dielectric, MAX_ABSORPTION, crown_glass};
-use super::fresnel::{fresnel_reflectance, reflect, refract};
+use super::fresnel::{fresnel, reflect, refract};
 use super::microfacet::{Ggx, MIN_ALPHA};
 use super::shading_frame::ShadingFrame;
 use super::{Bsdf, BsdfSample, MaterialSettings, SampleKind, SurfacePoint};
@@ -128,14 +128,14 @@ impl SeenBoundary {
         let view = self.frame.view;
         if let Some(light) = self.frame.reflected(outgoing) {
             let facet = (view + light).normalize();
-            let reflectance = fresnel_reflectance(view.dot(facet), self.ratio);
+            let reflectance = fresnel(view.dot(facet), self.ratio).reflectance();
             return Some(Scattered { light, facet, is_transmitted: false, reflectance });
         }
         let light = self.frame.transmitted(outgoing)?;
         let sum = (view + light * self.ratio).try_normalize()?;
         let facet = if sum.z < 0.0 { -sum } else { sum };
         let goes_through = view.dot(facet) > 0.0 && light.dot(facet) < 0.0;
-        let reflectance = fresnel_reflectance(view.dot(facet), self.ratio);
+        let reflectance = fresnel(view.dot(facet), self.ratio).reflectance();
         goes_through.then_some(Scattered { light, facet, is_transmitted: true, reflectance })
     }
 
@@ -176,7 +176,7 @@ impl SeenBoundary {
         let view = self.frame.view;
         let facet = self.facets.sample_visible(view, random);
         let (local, is_transmitted) = match refract(-view, facet, 1.0, self.ratio) {
-            Some(refraction) if choice < refraction.transmittance => (refraction.direction, true),
+            Some(refraction) if choice < refraction.transmittance() => (refraction.direction, true),
             _ => (-reflect(view, facet), false),
         };
         // A tilted facet may refract light to the front of the surface, or mirror it behind. The model leaves it out.

@@ -1,7 +1,11 @@
 //! Window glass without a thickness: light goes straight on, or is mirrored.
 //!
 //! A sheet of glass has two faces. With R the reflectance of one face, light that is reflected back and forth between
-//! them adds up to `2R / (1 + R)`. Both faces are parallel, so that transmitted light leaves in its old direction.
+//! them adds up to `2R / (1 + R)`. This holds for each polarisation by itself, and unpolarised light is reflected by the
+//! mean of both. Both faces are parallel, so that transmitted light leaves in its old direction.
+//!
+//! Several walls in a row carry the polarisation from one to the next. Shadow rays and paths do so in the same order,
+//! from the diffuse vertex on, so that both find the same light.
 //!
 //! Shadow rays go straight through it. Specular methods do not search it, because light that is not bent has no
 //! stationary path. So mirrored light, and light that other glass bends as well, is found by chance alone.
@@ -14,7 +18,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::dielectric::{crown_glass, reflected};
-use super::fresnel::fresnel_reflectance;
+use super::fresnel::fresnel;
+use super::polarisation::{Mueller, Polarisation};
 use super::{
     Bsdf, BsdfSample, MaterialSettings, Opacity, SampleKind, SpecularEvent, StraightBsdf, SurfacePoint, is_one, one,
     opacity, textures,
@@ -102,16 +107,18 @@ struct ThinWall {
 }
 
 impl ThinWall {
-    /// The part of light that is mirrored by both faces, for a ray with this cosine to the normal.
-    fn reflectance(&self, cosine: f64) -> f64 {
-        let of_one = fresnel_reflectance(cosine, self.index_of_refraction);
-        2.0 * of_one / (1.0 + of_one)
+    /// What both faces do to light together: transmission and reflection.
+    fn sheet(&self, at: &SurfacePoint, direction: DVec3) -> [Mueller; 2] {
+        fresnel(direction.dot(at.normals.shading).abs(), self.index_of_refraction).sheet()
     }
 }
 
 impl StraightBsdf for ThinWall {
-    fn transmittance(&self, at: &SurfacePoint, direction: DVec3) -> DVec3 {
-        self.tint.at(at.texture) * (1.0 - self.reflectance(direction.dot(at.normals.shading).abs()))
+    fn transmittance(&self, at: &SurfacePoint, direction: DVec3, polarisation: &mut Polarisation) -> DVec3 {
+        let [through, _] = self.sheet(at, direction);
+        let (part, behind) = polarisation.incident(direction, at.normals.shading).after(through);
+        *polarisation = behind;
+        self.tint.at(at.texture) * part
     }
 }
 
@@ -145,12 +152,26 @@ impl Bsdf for ThinWall {
     }
 
     fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample> {
-        let reflectance = self.reflectance(incident.dot(at.normals.shading).abs());
+        self.sample_polarised(at, incident, &mut { Polarisation::NONE }, stream)
+    }
+
+    fn sample_polarised(
+        &self,
+        at: &SurfacePoint,
+        incident: DVec3,
+        polarisation: &mut Polarisation,
+        stream: &mut SampleStream,
+    ) -> Option<BsdfSample> {
+        let [through, back] = self.sheet(at, incident);
+        let light = polarisation.incident(incident, at.normals.shading);
+        let (reflectance, before) = light.after(back);
         if stream.next_1d() < reflectance {
+            *polarisation = before;
             let direction = reflected(incident, &at.normals)?;
             let kind = SampleKind::Delta(SpecularEvent::Reflection);
             return Some(BsdfSample { direction, weight: DVec3::ONE, kind });
         }
+        (_, *polarisation) = light.after(through);
         let kind = SampleKind::Delta(SpecularEvent::Transmission);
         Some(BsdfSample { direction: incident, weight: self.tint.at(at.texture), kind })
     }

@@ -12,6 +12,7 @@ use glam::DVec3;
 
 use super::prepared::PreparedScene;
 use crate::bsdf::fresnel::{absorption, reflect, refract};
+use crate::bsdf::polarisation::{Fresnel, Polarisation};
 use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent, PathFilter};
 use crate::geometry::{Face, Hit, MOST_PASSED, PaneBoundary, Ray, Surface, SurfaceId};
@@ -121,6 +122,8 @@ struct Walk {
     /// What the body absorbs that the path has entered, per metre; zero in air.
     body: DVec3,
     throughput: DVec3,
+    /// Of the light that it carries, since the camera or the last vertex that scatters into a solid angle.
+    polarisation: Polarisation,
     stretch: Stretch,
     filter: Option<FilterState>,
     /// Vertices so far, at most as many as the scene allows between camera and light.
@@ -176,6 +179,7 @@ impl<'a> PathTracer<'a> {
             inside: None,
             body: DVec3::ZERO,
             throughput: DVec3::ONE,
+            polarisation: Polarisation::NONE,
             stretch: Stretch::new(None),
             filter: self.filter.map(PathFilter::start),
             depth: 0,
@@ -361,7 +365,8 @@ impl<'a> PathTracer<'a> {
             self.add_scattered(walk, &here, &lobe, carried, &mut sample.radiance, stream, counters);
             point = Some((here, receiver));
         }
-        let Some(next) = bsdf.sample(&at, incident, stream) else { return false };
+        let next = bsdf.sample_polarised(&at, incident, &mut walk.polarisation, stream);
+        let Some(next) = next else { return false };
         walk.throughput *= next.weight;
         let goes_through = next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0;
         walk.body = if goes_through { behind } else { absorbs };
@@ -473,16 +478,21 @@ impl<'a> PathTracer<'a> {
         let (index_in, index_out) =
             if was_inside { (pane.index_of_refraction, 1.0) } else { (1.0, pane.index_of_refraction) };
         let refraction = refract(direction, normal, index_in, index_out);
+        let fresnel = refraction.map_or(Fresnel::TOTAL, |refraction| refraction.fresnel);
+        let light = walk.polarisation.incident(direction, normal);
+        let (transmitted, behind) = light.after(fresnel.transmission());
         let choice = stream.next_1d();
         let position = pane.frame.point_to_world(pane_hit.point);
         walk.ray_origin = SurfaceId::Pane { index, face };
         let (event, next) = match refraction {
-            Some(refraction) if choice < refraction.transmittance => {
+            Some(refraction) if choice < transmitted => {
                 walk.inside = (!was_inside).then_some((index, face));
+                walk.polarisation = behind;
                 (SpecularEvent::Transmission, refraction.direction)
             }
             _ => {
                 walk.inside = was_inside.then_some((index, face));
+                (_, walk.polarisation) = light.after(fresnel.reflection());
                 (SpecularEvent::Reflection, reflect(direction, normal))
             }
         };

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::Scene;
+use crate::bsdf::polarisation::Polarisation;
 use crate::geometry::{Face, Hit, Ray, Surface, SurfaceId};
 use crate::light::{Source, SourceSample};
 use crate::scene::ShadingPoint;
@@ -57,10 +58,12 @@ impl Scene {
         let passes = |triangle| self.straight_bsdf(triangle).is_some();
         let clear = distance * (1.0 - SAME_PLACE);
         let walls = self.accelerator().passed(ray, clear, ray_origin, &passes, counters)?;
+        let mut polarisation = Polarisation::NONE;
         // In the order along the ray: a product of other order has other bits.
         let transmittance = walls.iter().fold(DVec3::ONE, |product, wall| {
             let at = self.surface_point(wall.index, wall.barycentric);
-            let of_wall = self.straight_bsdf(wall.index).map(|wall| wall.transmittance(&at, ray.direction));
+            let wall = self.straight_bsdf(wall.index);
+            let of_wall = wall.map(|wall| wall.transmittance(&at, ray.direction, &mut polarisation));
             product * of_wall.unwrap_or(DVec3::ZERO)
         });
         Some(StraightWay { transmittance, walls: walls.len() })

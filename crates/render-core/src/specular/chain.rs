@@ -16,6 +16,7 @@ use super::side::unit_normal;
 use crate::scene::ShadingPoint;
 use crate::{
     bsdf::fresnel::{absorption, reflect, refract},
+    bsdf::polarisation::{Fresnel, Polarisation},
     geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential, SurfaceId},
     light::Source,
     scene::{Scene, visibility::straight},
@@ -49,6 +50,8 @@ pub(super) struct Chain {
     pub(super) vertices: ByVertex<ChainVertex>,
     /// What radiance from the light is multiplied by at all vertices and in the glass between them.
     pub(super) throughput: DVec3,
+    /// Of light that is unpolarised at the shading point.
+    polarisation: Polarisation,
     /// Unit direction into which the last vertex sends light.
     pub(super) exit: DVec3,
 }
@@ -57,6 +60,7 @@ pub(super) struct Chain {
 struct Step {
     vertex: ChainVertex,
     factor: DVec3,
+    polarisation: Polarisation,
     next: DVec3,
 }
 
@@ -82,6 +86,12 @@ impl Segments {
 }
 
 impl Chain {
+    /// A chain without vertices.
+    fn start(direction: DVec3) -> Self {
+        let (throughput, polarisation) = (DVec3::ONE, Polarisation::NONE);
+        Self { vertices: ByVertex::new(), throughput, polarisation, exit: direction }
+    }
+
     /// The chain that a ray in `direction` from the shading point meets, when that begins on `caster` and each vertex
     /// can do what `events` says.
     pub(super) fn trace(
@@ -92,7 +102,7 @@ impl Chain {
         events: &[SpecularEvent],
         counters: &mut Counters,
     ) -> Option<Self> {
-        let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: direction };
+        let mut chain = Self::start(direction);
         let mut ray = Ray::new(point.position, direction);
         for event in events {
             let hit = match chain.vertices.last() {
@@ -101,6 +111,7 @@ impl Chain {
             }?;
             let step = chain.meet(scene, &ray, &hit, *event, counters)?;
             chain.throughput *= step.factor;
+            chain.polarisation = step.polarisation;
             chain.vertices.push(step.vertex);
             chain.exit = step.next;
             ray = Ray::new(step.vertex.at.position, step.next);
@@ -125,7 +136,7 @@ impl Chain {
         if scene.accelerator().solid().occluded_before(&ray, distance, point.surface, triangle, counters) {
             return None;
         }
-        let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
+        let mut chain = Self::start(ray.direction);
         let hit = Hit { distance, surface: Surface::Triangle { index: triangle, barycentric: weights.into() } };
         let step = chain.meet(scene, &ray, &hit, event, counters)?;
         chain.vertices.push(step.vertex);
@@ -142,7 +153,7 @@ impl Chain {
         counters: &mut Counters,
     ) -> Option<Self> {
         let (mut ray, mut distance) = straight(point.position, source, triangle);
-        let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
+        let mut chain = Self::start(ray.direction);
         loop {
             let (inside, ray_origin) =
                 chain.vertices.last().map_or((None, point.surface), |last| (last.inside, last.surface));
@@ -169,20 +180,23 @@ impl Chain {
                 let body = scene.bsdf(*index).absorption();
                 let leaves = ray.direction.dot(place.normals.geometric) > 0.0;
                 let kept = if leaves && body != DVec3::ZERO { absorption(body, hit.distance) } else { DVec3::ONE };
-                let (bend, factor, next) = match event {
+                let light = self.polarisation.incident(ray.direction, place.normals.shading);
+                let (bend, factor, polarisation, next) = match event {
                     SpecularEvent::Transmission => {
                         let crossing = interface.transmit(ray.direction, &place.normals)?;
-                        let factor = DVec3::splat(crossing.radiance_factor());
-                        (Bend::Transmission { ratio: crossing.ratio }, factor, crossing.direction)
+                        let (part, behind) = light.after(crossing.fresnel.transmission());
+                        let factor = DVec3::splat(crossing.radiance_factor(part));
+                        (Bend::Transmission { ratio: crossing.ratio }, factor, behind, crossing.direction)
                     }
                     SpecularEvent::Reflection => {
-                        let (next, fraction) = interface.reflect(ray.direction, &place)?;
-                        (Bend::Reflection, fraction, next)
+                        let mirrored = interface.reflect(ray.direction, &place)?;
+                        let (part, before) = light.after(mirrored.fresnel.reflection());
+                        (Bend::Reflection, mirrored.colour * part, before, mirrored.direction)
                     }
                 };
                 let at = scene.differential(*index, ray.at(hit.distance), *barycentric);
                 let vertex = ChainVertex { surface: SurfaceId::Triangle(*index), inside: None, at, bend };
-                Some(Step { vertex, factor: kept * factor, next })
+                Some(Step { vertex, factor: kept * factor, polarisation, next })
             }
             Surface::Pane { index, hit: pane_hit } => {
                 let pane = &scene.panes()[*index as usize];
@@ -191,19 +205,21 @@ impl Chain {
                 let (before, behind) =
                     if pane_hit.inside { (pane.index_of_refraction, 1.0) } else { (1.0, pane.index_of_refraction) };
                 let refraction = refract(ray.direction, normal, before, behind);
-                let (bend, fraction, next, stays) = match event {
+                let light = self.polarisation.incident(ray.direction, normal);
+                let (bend, surface, next, stays) = match event {
                     SpecularEvent::Transmission => {
                         let refraction = refraction?;
                         let bend = Bend::Transmission { ratio: behind / before };
-                        (bend, refraction.transmittance, refraction.direction, !pane_hit.inside)
+                        (bend, refraction.fresnel.transmission(), refraction.direction, !pane_hit.inside)
                     }
                     SpecularEvent::Reflection => {
-                        let reflected = 1.0 - refraction.map_or(0.0, |refraction| refraction.transmittance);
-                        (Bend::Reflection, reflected, reflect(ray.direction, normal), pane_hit.inside)
+                        let fresnel = refraction.map_or(Fresnel::TOTAL, |refraction| refraction.fresnel);
+                        (Bend::Reflection, fresnel.reflection(), reflect(ray.direction, normal), pane_hit.inside)
                     }
                 };
+                let (fraction, polarisation) = light.after(surface);
                 let vertex = face_vertex(scene, *index, pane_hit, bend, stays, counters)?;
-                Some(Step { vertex, factor: glass * fraction, next })
+                Some(Step { vertex, factor: glass * fraction, polarisation, next })
             }
         }
     }

@@ -30,6 +30,8 @@ pub mod mnee;
 pub mod newton;
 mod passage;
 pub mod path;
+#[cfg(test)]
+mod polarisation_tests;
 pub mod registry;
 pub mod scope;
 pub mod selection;

@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     bsdf::fresnel::{absorption, refract},
+    bsdf::polarisation::Polarisation,
     geometry::{Face, HeightField, Pane, PaneBoundary, Ray},
     light::Source,
 };
@@ -37,7 +38,7 @@ pub struct Transmission {
     pub inner_direction: DVec3,
     /// Unit direction after the pane.
     pub direction: DVec3,
-    /// Fresnel transmittance of both faces times absorption in the glass.
+    /// What both faces transmit together of unpolarised light, times absorption in the glass.
     pub transmittance: DVec3,
 }
 
@@ -101,20 +102,24 @@ impl<'a> PaneSide<'a> {
         if entry.boundary != PaneBoundary::Face(self.near) {
             return None;
         }
-        let inner = refract(ray.direction, unit_normal(entry.gradient), 1.0, index)?;
+        let normal = unit_normal(entry.gradient);
+        let inner = refract(ray.direction, normal, 1.0, index)?;
+        let light = Polarisation::NONE.incident(ray.direction, normal);
+        let (first, light) = light.after(inner.fresnel.transmission());
         let inner_ray = Ray::new(entry.point, inner.direction);
         let exit = self.pane.intersect_inside(&inner_ray, Some(self.near), counters)?;
         if exit.boundary != PaneBoundary::Face(self.far) {
             return None;
         }
-        let outer = refract(inner.direction, unit_normal(exit.gradient), index, 1.0)?;
+        let normal = unit_normal(exit.gradient);
+        let outer = refract(inner.direction, normal, index, 1.0)?;
+        let (second, _) = light.incident(inner.direction, normal).after(outer.fresnel.transmission());
         Some(Transmission {
             entry: entry.point,
             exit: exit.point,
             inner_direction: inner.direction,
             direction: outer.direction,
-            transmittance: absorption(self.pane.absorption, exit.distance)
-                * (inner.transmittance * outer.transmittance),
+            transmittance: absorption(self.pane.absorption, exit.distance) * (first * second),
         })
     }
 }

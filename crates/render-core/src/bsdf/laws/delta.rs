@@ -101,7 +101,7 @@ fn a_conductor_reflects_its_colour_along_the_normal_and_all_light_beside_it() {
     let bsdf = material(json!({"conductor": {"reflectance": {"colour": colour.to_array()}, "roughness": 0}}));
     let reflected = |cosine: f64| {
         let case = Case::flat("copper", bsdf.clone(), 0.1, cosine);
-        bsdf.as_delta().and_then(|delta: &dyn DeltaBsdf| delta.reflect(case.incident, &case.at)).unwrap().1
+        bsdf.as_delta().and_then(|delta: &dyn DeltaBsdf| delta.reflect(case.incident, &case.at)).unwrap().colour
     };
     assert!((reflected(1.0) - colour).length() < 1e-12);
     assert!((reflected(1e-4) - DVec3::ONE).length() < 1e-3);

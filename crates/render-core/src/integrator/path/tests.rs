@@ -201,6 +201,26 @@ fn white_things_in_a_white_environment_cannot_be_seen() {
 }
 
 #[test]
+fn glass_and_mirrors_in_a_white_environment_cannot_be_seen() {
+    let sky = json!([{"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}}]);
+    let mut scene = white_things(&sky);
+    scene["materials"]["glass"] = json!({"dielectric": {"index_of_refraction": 1.5}});
+    scene["materials"]["mirror"] = json!({"mirror": {}});
+    scene["materials"]["wall"] = json!({"thin_wall": {}});
+    scene["meshes"][0]["material"] = "mirror".into();
+    scene["meshes"][1]["material"] = "glass".into();
+    let wall = json!({"inline": {
+        "positions": [[1.5, -2, 0], [0.9, 2, 0.3], [0.9, 2, 2], [1.5, -2, 1.8]], "triangles": [[0, 1, 2], [0, 2, 3]]}});
+    scene["meshes"].as_array_mut().unwrap().push(json!({"name": "wall", "material": "wall", "source": wall}));
+    // So large that its black edge is hardly seen.
+    scene["panes"] = json!([{
+        "name": "pane", "centre": [2.4, 0, 0], "x_axis": [0, 1, 0], "y_axis": [0.1, 0, 1],
+        "width": 40, "height": 40, "thickness": 0.003}]);
+    let (mean, error) = mean(&scene);
+    assert!(error < 0.002 && (mean - 1.0).abs() < 4.0 * error, "{mean} +- {error}");
+}
+
+#[test]
 fn an_environment_beside_many_lights_is_the_sum_of_both() {
     let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [0.25, 1, 1]}, "scale": 2}});
     let sun = json!({"sun": {"name": "sun", "direction": [1, 0, 1], "angular_radius": 20, "radiance": [3, 3, 3]}});

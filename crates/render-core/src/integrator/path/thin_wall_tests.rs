@@ -18,13 +18,18 @@ const LAMP: [f64; 3] = [0.6, 0.0, 2.0];
 /// Half an edge of the rectangle, metres.
 const HALF: f64 = 0.8;
 
-/// What a wall lets through at a cosine to its normal, by Fresnel's equations for both faces.
-fn transmittance((index, tint): (f64, f64), cosine: f64) -> f64 {
-    let behind = (1.0 - (1.0 - cosine * cosine) / (index * index)).sqrt();
-    let s = ((cosine - index * behind) / (cosine + index * behind)).powi(2);
-    let p = ((index * cosine - behind) / (index * cosine + behind)).powi(2);
-    let face = 0.5 * (s + p);
-    tint * (1.0 - face) / (1.0 + face)
+/// What parallel walls let through at a cosine to their normal, by Fresnel's equations for both faces of each: the mean
+/// of that for both polarisations.
+fn transmittance(walls: &[(f64, f64)], cosine: f64) -> f64 {
+    let through = |face: f64| (1.0 - face) / (1.0 + face);
+    let of_wall = |(index, tint): (f64, f64)| {
+        let behind = (1.0 - (1.0 - cosine * cosine) / (index * index)).sqrt();
+        let s = ((cosine - index * behind) / (cosine + index * behind)).powi(2);
+        let p = ((index * cosine - behind) / (index * cosine + behind)).powi(2);
+        [tint * through(s), tint * through(p)]
+    };
+    let both = walls.iter().map(|wall| of_wall(*wall)).fold([1.0; 2], |[s, p], [t, u]| [s * t, p * u]);
+    0.5 * (both[0] + both[1])
 }
 
 /// Half an edge of floor and walls, metres. Farther away, the environment shines in between them.
@@ -118,10 +123,10 @@ fn light_through_thin_walls_is_what_fresnel_and_their_tints_say() {
     for Lit { light, irradiance } in lights() {
         for count in 0..=WALLS.len() {
             let walls = &WALLS[..count];
-            let through = |cosine: f64| walls.iter().map(|wall| transmittance(*wall, cosine)).product::<f64>();
+            let through = |cosine: f64| transmittance(walls, cosine);
             // Light that walls mirror takes longer paths.
             let scene = floor_below(walls, std::slice::from_ref(&light), 1 + count);
-            let without_a_wall = walls.iter().flat_map(|wall| [wall.1, transmittance(*wall, 0.8) / wall.1]);
+            let without_a_wall = walls.iter().flat_map(|wall| [wall.1, transmittance(&[*wall], 0.8) / wall.1]);
             let faults: Vec<f64> = without_a_wall.map(|factor| 1.0 / factor).collect();
             check(&scene, irradiance(&through), &faults);
         }
@@ -145,7 +150,7 @@ fn of_many_lights_behind_thin_walls_each_counts_once() {
             light
         })
         .collect();
-    let through = |cosine: f64| transmittance(WALLS[0], cosine);
+    let through = |cosine: f64| transmittance(&WALLS[..1], cosine);
     // The points are nearer than the rectangle, so that nothing covers them.
     let nearer = |passes: &dyn Fn(f64) -> f64| {
         let squared = LAMP[0] * LAMP[0] + 1.9 * 1.9;
@@ -164,7 +169,7 @@ fn walls_count_as_vertices_and_as_transmissions() {
         assert!(found < DARK, "{found} of {lights:?} with too few vertices");
         let mut filtered = floor_below(&WALLS, &lights, 16);
         filtered["path_filter"] = "DTTL".into();
-        let through = |cosine: f64| WALLS.iter().map(|wall| transmittance(*wall, cosine)).product::<f64>();
+        let through = |cosine: f64| transmittance(&WALLS, cosine);
         check(&filtered, irradiance(&through), &[]);
         for other in ["DL", "DTL"] {
             filtered["path_filter"] = other.into();
@@ -196,7 +201,7 @@ fn the_sky_in_a_small_window_lights_the_floor_of_a_room_without_noise() {
     let irradiance = sum_over(50, WINDOW, |[x, y], area| {
         let squared = (LAMP[0] + x).powi(2) + y * y + LAMP[2] * LAMP[2];
         let cosine = LAMP[2] / squared.sqrt();
-        cosine * cosine / squared * area * transmittance(wall, cosine)
+        cosine * cosine / squared * area * transmittance(&[wall], cosine)
     });
     // Chance alone meets the window ten times.
     check(&scene, irradiance, &[1.0 / wall.1]);

@@ -336,7 +336,7 @@ fn leads_to_light(scene: &Scene, point: &ShadingPoint, direction: DVec3, event: 
     let (interface, at) = (scene.delta_bsdf(index).unwrap(), scene.surface_point(index, barycentric));
     let next = match event {
         SpecularEvent::Transmission => interface.transmit(direction, &at.normals).map(|crossing| crossing.direction),
-        SpecularEvent::Reflection => interface.reflect(direction, &at).map(|(next, _)| next),
+        SpecularEvent::Reflection => interface.reflect(direction, &at).map(|mirrored| mirrored.direction),
     };
     let light = &scene.lights()[light as usize];
     next.is_some_and(|next| match light.bounds() {

@@ -324,7 +324,7 @@ fn the_distance_correction_of_equations_28_to_33_is_that_of_rays_beside_the_path
         let solved = walk.path_over(0, path.place(), path.at, counters).unwrap();
         let sample = SourceSample { source, normal: None, triangle: None, weight: DVec3::ONE };
         assert!((solved.magnification(&sample) * correction - 1.0).abs() < 1e-6, "{correction}");
-        let transmitted = refract(-path.to_point, normal, WATER, 1.0).unwrap().transmittance;
+        let transmitted = refract(-path.to_point, normal, WATER, 1.0).unwrap().transmittance();
         let light = solved.arrival(&scene, &shading, 0, &sample, counters).unwrap().weight.x;
         assert!((light * correction / (transmitted * WATER * WATER) - 1.0).abs() < 1e-6, "{light}");
         checked += 1;
