@@ -157,7 +157,17 @@ mod tests {
         let frame = Frame::new(DVec3::new(2.0, -1.0, 3.0), DVec3::Y, DVec3::Z);
         let (outline, faces) = (Outline::centred(size), [Arc::new(field(0)), Arc::new(field(11))]);
         let (name, thickness, index_of_refraction, absorption) = ("pane".into(), 0.004, 1.5, DVec3::ZERO);
-        Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces }).unwrap()
+        Pane::new(PaneParts {
+            name,
+            frame,
+            outline,
+            thickness,
+            index_of_refraction,
+            absorption,
+            layers: [DVec3::ZERO; 2],
+            faces,
+        })
+        .unwrap()
     }
 
     #[test]

@@ -49,6 +49,7 @@ fn pane(frame: Frame) -> Pane {
         thickness: 0.004,
         index_of_refraction: 1.5,
         absorption: DVec3::ZERO,
+        layers: [DVec3::ZERO; 2],
         faces: [Arc::new(field()), Arc::new(back)],
     };
     Pane::new(parts).expect("the glass is thick enough")

@@ -22,7 +22,7 @@ use super::height_field::{HeightField, JetBounds};
 use super::outline::{Outline, prism};
 use super::thickness::thin_spot;
 use super::{Face, Frame, Ray};
-use crate::math::{Interval, Rect};
+use crate::math::{Interval, Rect, absorption};
 use clerestory_film::counters::Counters;
 
 /// What a pane is made of.
@@ -40,6 +40,9 @@ pub struct PaneParts {
     pub index_of_refraction: f64,
     /// Absorption coefficient of the glass by colour, in 1/metre.
     pub absorption: DVec3,
+    /// Absorbance (natural logarithm) by colour of coloured layers on the front and the back face, for light that
+    /// crosses them straight.
+    pub layers: [DVec3; 2],
     /// Displacements h1 of the front face and h2 of the back face.
     pub faces: [Arc<HeightField>; 2],
 }
@@ -59,6 +62,8 @@ pub struct Pane {
     pub index_of_refraction: f64,
     /// Absorption coefficient of the glass by colour, in 1/metre.
     pub absorption: DVec3,
+    /// Absorbance by colour of the layers on the front and the back face.
+    layers: [DVec3; 2],
     /// Displacement h1 of the front face.
     pub front: Arc<HeightField>,
     /// Displacement h2 of the back face.
@@ -89,7 +94,7 @@ pub enum PaneError {
     /// The index of refraction is not a finite number of at least 1.
     #[error("a pane of index of refraction {0}: the index must be finite and at least 1")]
     IndexOfRefraction(f64),
-    /// An absorption coefficient is negative or not finite.
+    /// An absorption coefficient or an absorbance is negative or not finite.
     #[error("a pane of absorption {0} per metre: absorption must be finite and not negative")]
     Absorption(f64),
     /// The outline reaches beyond a face.
@@ -117,6 +122,9 @@ pub enum PaneError {
         gap: f64,
     },
 }
+
+/// Light along a face crosses its layer at no less than this cosine.
+const GRAZING: f64 = 1e-9;
 
 /// An outline may reach beyond a face by this part of its size, where the heights go on: places are rounded.
 const BEYOND: f64 = 1e-9;
@@ -152,15 +160,16 @@ impl Pane {
     /// [`PaneError`] when a number is out of range, the outline reaches beyond a face, or the thickness of the glass
     /// cannot be proven to be positive everywhere.
     pub fn new(parts: PaneParts) -> Result<Self, PaneError> {
-        let PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces: [front, back] } =
-            parts;
+        let PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, layers, faces } = parts;
+        let [front, back] = faces;
         if !(thickness.is_finite() && thickness > 0.0) {
             return Err(PaneError::Thickness(thickness));
         }
         if !(index_of_refraction.is_finite() && index_of_refraction >= 1.0) {
             return Err(PaneError::IndexOfRefraction(index_of_refraction));
         }
-        if let Some(bad) = absorption.to_array().into_iter().find(|a| !(a.is_finite() && *a >= 0.0)) {
+        let all = [absorption, layers[0], layers[1]].into_iter().flat_map(|colour| colour.to_array());
+        if let Some(bad) = all.into_iter().find(|a| !(a.is_finite() && *a >= 0.0)) {
             return Err(PaneError::Absorption(bad));
         }
         let pane = *outline.bounds();
@@ -175,13 +184,40 @@ impl Pane {
         }
         let bounds = [&front, &back].map(|face| face.bounds(&pane.grown(BEYOND * face.size().max_element())));
         let crossing = FaceCrossing::default();
-        Ok(Self { name, frame, outline, thickness, index_of_refraction, absorption, front, back, bounds, crossing })
+        Ok(Self {
+            name,
+            frame,
+            outline,
+            thickness,
+            index_of_refraction,
+            absorption,
+            layers,
+            front,
+            back,
+            bounds,
+            crossing,
+        })
     }
 
     /// The width and the height of the rectangle around the outline, in metres.
     pub fn size(&self) -> DVec2 {
         let Rect { min, max } = *self.outline.bounds();
         max - min
+    }
+
+    /// What the layer on a face lets through of light that crosses it at this cosine to its normal, in the glass.
+    #[inline]
+    pub fn layer(&self, face: Face, cosine: f64) -> DVec3 {
+        let layer = match face {
+            Face::Front => self.layers[0],
+            Face::Back => self.layers[1],
+        };
+        absorption(layer, 1.0 / cosine.abs().max(GRAZING))
+    }
+
+    /// The part of light by colour that the glass lets through straight, without what its faces reflect.
+    pub fn tint(&self) -> DVec3 {
+        absorption(self.absorption, self.thickness) * self.layer(Face::Front, 1.0) * self.layer(Face::Back, 1.0)
     }
 
     /// Bounds of a face over the outline.
@@ -376,9 +412,10 @@ mod tests {
         let size = pane.size();
         let corners = OUTLINES[outline].iter().map(|corner| DVec2::from(*corner) * size).collect();
         let outline = Outline::polygon(corners).unwrap();
-        let Pane { name, frame, thickness, index_of_refraction, absorption, front, back, .. } = pane;
+        let Pane { name, frame, thickness, index_of_refraction, absorption, layers, front, back, .. } = pane;
         let faces = [front, back];
-        Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces }).unwrap()
+        Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, layers, faces })
+            .unwrap()
     }
 
     fn any_pane() -> impl Strategy<Value = (Pane, f64)> {
@@ -559,6 +596,7 @@ mod tests {
                 thickness,
                 index_of_refraction: index,
                 absorption,
+                layers: [DVec3::ZERO; 2],
                 faces: [Arc::new(front), Arc::new(back)],
             };
             Pane::new(parts).map(|_| ())

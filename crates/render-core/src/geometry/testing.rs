@@ -22,7 +22,8 @@ pub(crate) fn rectangular(
     faces: [HeightField; 2],
 ) -> Pane {
     let (name, outline, faces) = ("test".to_owned(), Outline::centred(size), faces.map(Arc::new));
-    Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, faces }).unwrap()
+    let layers = [DVec3::ZERO; 2];
+    Pane::new(PaneParts { name, frame, outline, thickness, index_of_refraction, absorption, layers, faces }).unwrap()
 }
 
 /// Kinds of old glass, by the shape of a face.

@@ -11,12 +11,13 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::prepared::PreparedScene;
-use crate::bsdf::fresnel::{absorption, reflect, refract};
+use crate::bsdf::fresnel::{reflect, refract};
 use crate::bsdf::polarisation::{Fresnel, Polarisation};
 use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent, PathFilter};
 use crate::geometry::{Face, Hit, MOST_PASSED, PaneBoundary, Ray, Surface, SurfaceId};
 use crate::light::{AskedLight, LightHit, Receiver, Side, Source};
+use crate::math::absorption;
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
 use crate::specular::scope::MOST_SPECULAR_VERTICES;
@@ -484,13 +485,18 @@ impl<'a> PathTracer<'a> {
         let choice = stream.next_1d();
         let position = pane.frame.point_to_world(pane_hit.point);
         walk.ray_origin = SurfaceId::Pane { index, face };
+        let crosses = |inside: DVec3| pane.layer(face, inside.dot(normal));
         let (event, next) = match refraction {
             Some(refraction) if choice < transmitted => {
+                walk.throughput *= crosses(if was_inside { direction } else { refraction.direction });
                 walk.inside = (!was_inside).then_some((index, face));
                 walk.polarisation = behind;
                 (SpecularEvent::Transmission, refraction.direction)
             }
             _ => {
+                if was_inside {
+                    walk.throughput *= crosses(direction) * crosses(direction);
+                }
                 walk.inside = was_inside.then_some((index, face));
                 (_, walk.polarisation) = light.after(fresnel.reflection());
                 (SpecularEvent::Reflection, reflect(direction, normal))

@@ -92,6 +92,7 @@ fn build_pane(
         thickness: description.thickness,
         index_of_refraction: description.index_of_refraction,
         absorption: DVec3::from(description.absorption),
+        layers: [description.layers.front, description.layers.back].map(DVec3::from),
         faces,
     };
     match Pane::new(parts) {

@@ -212,6 +212,9 @@ pub struct PaneDescription {
     #[serde(default)]
     #[schemars(inner(range(min = 0.0)))]
     pub absorption: Triple,
+    /// Coloured layers on the faces, such as a flash of ruby or silver stain.
+    #[serde(default, skip_serializing_if = "crate::settings::is_default")]
+    pub layers: LayersDescription,
     /// Profile of the front face.
     #[serde(default)]
     pub front: ProfileDescription,
@@ -221,6 +224,19 @@ pub struct PaneDescription {
     /// How rays find where they cross the faces.
     #[serde(default, skip_serializing_if = "crate::settings::is_default")]
     pub crossing: FaceCrossing,
+}
+
+/// Coloured layers on the faces of a pane, much thinner than the glass and of its index of refraction. Light that crosses
+/// one at the angle `a` to the normal, in the glass, is multiplied by `exp(-absorbance / cos a)`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LayersDescription {
+    /// Absorbance (natural logarithm) of red, green and blue light on the front face, 0 to 100.
+    #[schemars(inner(range(min = 0.0, max = 100.0)))]
+    pub front: Triple,
+    /// The same on the back face.
+    #[schemars(inner(range(min = 0.0, max = 100.0)))]
+    pub back: Triple,
 }
 
 /// The height field of a face, in metres along the pane's z axis: a uniform cubic B-spline over a grid of coefficients.

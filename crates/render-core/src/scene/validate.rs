@@ -291,6 +291,9 @@ fn check_pane(pane: &PaneDescription, sheets: &BTreeMap<String, SheetDescription
     check_above(pane.thickness, 0.0, 1.0, &path.member("thickness"))?;
     check_range(pane.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
     check_triple(pane.absorption, 0.0, 1e9, &path.member("absorption"))?;
+    let layers = path.member("layers");
+    check_triple(pane.layers.front, 0.0, 100.0, &layers.member("front"))?;
+    check_triple(pane.layers.back, 0.0, 100.0, &layers.member("back"))?;
     pane.check_cut(sheets, path)?;
     let face = SizedFace { width: pane.width, height: pane.height, relief: pane.thickness };
     check_profile(&pane.front, &face, &path.member("front"))?;

@@ -13,9 +13,10 @@ use super::block_tridiagonal::{Row, solve};
 use super::caster::SeenCaster;
 use super::constraint::{Bend, Residual, Vertex};
 use super::side::unit_normal;
+use crate::math::absorption;
 use crate::scene::ShadingPoint;
 use crate::{
-    bsdf::fresnel::{absorption, reflect, refract},
+    bsdf::fresnel::{reflect, refract},
     bsdf::polarisation::{Fresnel, Polarisation},
     geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential, SurfaceId},
     light::Source,
@@ -206,6 +207,15 @@ impl Chain {
                     if pane_hit.inside { (pane.index_of_refraction, 1.0) } else { (1.0, pane.index_of_refraction) };
                 let refraction = refract(ray.direction, normal, before, behind);
                 let light = self.polarisation.incident(ray.direction, normal);
+                let PaneBoundary::Face(face) = pane_hit.boundary else { return None };
+                let layer = |inside: DVec3| pane.layer(face, inside.dot(normal));
+                let within = if pane_hit.inside { layer(ray.direction) } else { DVec3::ONE };
+                let crossed = match (event, refraction) {
+                    (SpecularEvent::Transmission, Some(refraction)) if !pane_hit.inside => layer(refraction.direction),
+                    (SpecularEvent::Transmission, _) => within,
+                    // Light that is reflected in the glass crosses the layer twice.
+                    (SpecularEvent::Reflection, _) => within * within,
+                };
                 let (bend, surface, next, stays) = match event {
                     SpecularEvent::Transmission => {
                         let refraction = refraction?;
@@ -219,7 +229,7 @@ impl Chain {
                 };
                 let (fraction, polarisation) = light.after(surface);
                 let vertex = face_vertex(scene, *index, pane_hit, bend, stays, counters)?;
-                Some(Step { vertex, factor: glass * fraction, polarisation, next })
+                Some(Step { vertex, factor: glass * crossed * fraction, polarisation, next })
             }
         }
     }

@@ -2,8 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::math::absorption;
 use crate::{
-    bsdf::fresnel::{absorption, refract},
+    bsdf::fresnel::refract,
     bsdf::polarisation::Polarisation,
     geometry::{Face, HeightField, Pane, PaneBoundary, Ray},
     light::Source,
@@ -114,12 +115,14 @@ impl<'a> PaneSide<'a> {
         let normal = unit_normal(exit.gradient);
         let outer = refract(inner.direction, normal, index, 1.0)?;
         let (second, _) = light.incident(inner.direction, normal).after(outer.fresnel.transmission());
+        let layers = self.pane.layer(self.near, inner.direction.dot(unit_normal(entry.gradient)))
+            * self.pane.layer(self.far, inner.direction.dot(normal));
         Some(Transmission {
             entry: entry.point,
             exit: exit.point,
             inner_direction: inner.direction,
             direction: outer.direction,
-            transmittance: absorption(self.pane.absorption, exit.distance) * (first * second),
+            transmittance: absorption(self.pane.absorption, exit.distance) * layers * (first * second),
         })
     }
 }

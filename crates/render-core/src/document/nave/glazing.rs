@@ -8,7 +8,7 @@ use super::leading::GAP;
 use super::stonework::{GLASS_DEPTH, OPENING, WINDOWS, window_centre};
 use crate::document::triangles::rounded;
 use crate::geometry::FaceCrossing;
-use crate::scene::description::{PaneDescription, ProfileDescription};
+use crate::scene::description::{LayersDescription, PaneDescription, ProfileDescription};
 use crate::settings::Triple;
 
 /// How a pane was made.
@@ -62,6 +62,7 @@ fn pane(glass: Glass, cuts: u32, [window, row, column]: [u32; 3], seed: u64) -> 
         thickness,
         index_of_refraction: 1.52,
         absorption,
+        layers: LayersDescription::default(),
         front,
         back,
         crossing: FaceCrossing::default(),

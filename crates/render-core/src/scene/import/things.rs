@@ -10,7 +10,9 @@ use super::windows::{Candidate, Window, Windows, is_called_window, sheet_for};
 use crate::bsdf::MaterialDescription;
 use crate::geometry::rotation::rotation;
 use crate::light::{LightDescription, MeshLight};
-use crate::scene::description::{CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription};
+use crate::scene::description::{
+    CameraDescription, LayersDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
+};
 use crate::scene::mesh::is_degenerate;
 use crate::scene::profile::shortest_wavelength;
 use crate::settings::AssetProblem;
@@ -395,6 +397,7 @@ impl GlazeRule {
             thickness,
             index_of_refraction: self.index_of_refraction,
             absorption: self.absorption,
+            layers: LayersDescription::default(),
             front: with_seed(&self.front, 2 * number),
             back: with_seed(&self.back, 2 * number + 1),
             crossing: crate::geometry::FaceCrossing::default(),

@@ -10,7 +10,7 @@ use super::glass::{Cutting, GlassDescription};
 use crate::bsdf::{DiffuseMaterial, MaterialDescription};
 use crate::geometry::FaceCrossing;
 use crate::math::hash::mix;
-use crate::scene::description::{MeshDescription, MeshSource, PaneDescription};
+use crate::scene::description::{LayersDescription, MeshDescription, MeshSource, PaneDescription};
 use crate::scene::sheet::{SheetCut, SheetDescription};
 use crate::settings::check::Quoted;
 use crate::settings::limits::PANE_EDGES;
@@ -112,6 +112,8 @@ impl Glazier<'_> {
             let found = format!("{:?}", kind.colour);
             return Err(SceneError::value(&path.member("colour"), found, "a colour"));
         };
+        // Seen from inside, both are on the outer face.
+        let front = DVec3::from(tint.flash) + DVec3::from(tint.stain);
         let size = 2.0 * outline.corners.iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
         Ok(PaneDescription {
             name: String::new(),
@@ -125,6 +127,7 @@ impl Glazier<'_> {
             thickness,
             index_of_refraction: kind.index_of_refraction,
             absorption: tint.body,
+            layers: LayersDescription { front: front.to_array(), back: [0.0; 3] },
             front: Default::default(),
             back: Default::default(),
             crossing: FaceCrossing::default(),

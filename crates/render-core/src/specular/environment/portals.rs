@@ -14,7 +14,6 @@ use super::super::Arrival;
 use super::super::light_view::{AimedRay, PaneAperture};
 use super::super::side::PaneSide;
 use super::super::window::seen_face;
-use crate::bsdf::fresnel::absorption;
 use crate::geometry::spherical_rectangle::SphericalRectangle;
 use crate::geometry::{Face, Pane, PaneBoundary, Ray, SeenOutline, Shape, Surface};
 use crate::light::{Chosen, Cluster, EmissionCone, Light, LightTree, Receiver, Side, Source, with_finer_places};
@@ -133,7 +132,7 @@ fn portal(pane: &Pane, face: Face) -> Cluster {
         Face::Front => -pane.frame.axes.z_axis,
         Face::Back => pane.frame.axes.z_axis,
     };
-    let tint = absorption(pane.absorption, pane.thickness).element_sum() / 3.0;
+    let tint = pane.tint().element_sum() / 3.0;
     Cluster {
         min,
         max,
