@@ -144,6 +144,11 @@ impl Polarisation {
         Self { axis, q: self.q * cos + self.u * sin, u: self.u * cos - self.q * sin }
     }
 
+    /// The same light in another frame, to which vectors are brought like this.
+    pub(crate) fn turned(self, vector: impl Fn(DVec3) -> DVec3) -> Self {
+        Self { axis: vector(self.axis), ..self }
+    }
+
     /// The part of the light that goes on, and its polarisation then. It has to be described in the plane of incidence
     /// ([`Self::incident`]).
     #[inline]

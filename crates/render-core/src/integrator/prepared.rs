@@ -10,6 +10,7 @@ use crate::scene::{BuildStep, ContentHash, Obstacles, Scene, SceneHash};
 use crate::settings::{JsonPath, SceneError};
 use crate::specular::SpecularMethod;
 use crate::specular::cache::MethodCache;
+use crate::specular::double_glazing::with_double_glazing;
 use crate::specular::environment::with_environment;
 use crate::texture::TextureDescription;
 
@@ -180,7 +181,8 @@ impl fmt::Debug for PreparedScene {
 
 /// The method that the settings name, with the light of an environment.
 fn method(description: &SceneDescription, scene: &Scene, cache: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
-    description.integrator.build(scene, cache).map(|method| with_environment(method, scene, cache))
+    let method = description.integrator.build(scene, cache)?;
+    Some(with_double_glazing(with_environment(method, scene, cache), scene, cache))
 }
 
 /// The pictures of lights.

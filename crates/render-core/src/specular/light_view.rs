@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
 
+use super::double_glazing::SecondPanes;
 use super::side::{PaneSide, Transmission};
 use super::window::{SourceBounds, Window, seen_face};
 use super::{Arrival, coverage};
@@ -46,6 +47,7 @@ pub(super) struct LightView<'a> {
     scene: &'a Scene,
     point: &'a ShadingPoint,
     light: u32,
+    second: Option<&'a SecondPanes>,
     apertures: Vec<PaneAperture<'a>>,
     patches: Vec<Patch>,
     rays: u32,
@@ -98,7 +100,14 @@ const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
 impl<'a> LightView<'a> {
     /// The view of a light, which is empty for a point light and for one that is all around.
-    pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
+    /// Through one pane, or through one and another that is close behind it.
+    pub(super) fn new(
+        scene: &'a Scene,
+        point: &'a ShadingPoint,
+        light: u32,
+        effort: &Effort,
+        second: Option<&'a SecondPanes>,
+    ) -> Self {
         let (mut apertures, mut windows, mut patches) = (Vec::new(), Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
         let region = LightRegion::of_light(source);
@@ -112,6 +121,11 @@ impl<'a> LightView<'a> {
                 continue;
             }
             let Some(bounds) = light_bounds(source, &pane.frame) else { continue };
+            let bounds = match second {
+                None => Some(bounds),
+                Some(second) => second.behind(index, side.near).and_then(|behind| behind.widened(&bounds, origin)),
+            };
+            let Some(bounds) = bounds else { continue };
             let aperture = apertures.len();
             if covers(&region, pane, point.position) {
                 let Some(seen) = seen_face(&side, origin) else { continue };
@@ -129,7 +143,7 @@ impl<'a> LightView<'a> {
         }
         let total: f64 = patches.iter().map(|patch| patch.weight).sum();
         let stride = total / f64::from(effort.rays);
-        Self { scene, point, light, apertures, patches, rays: effort.rays, stride }
+        Self { scene, point, light, second, apertures, patches, rays: effort.rays, stride }
     }
 
     /// Sends the rays; whatever sees the light is handed to `see`.
@@ -156,7 +170,8 @@ impl<'a> LightView<'a> {
             let aperture = &self.apertures[patch.aperture];
             let density = patch.density(self.stride, aperture, place);
             let aimed = AimedRay { place, density };
-            if let Some(light_sample) = aperture.look(self.scene, self.point, self.light, aimed, counters) {
+            if let Some(light_sample) = aperture.look(self.scene, self.point, self.light, aimed, self.second, counters)
+            {
                 see(light_sample, aperture);
             }
         }
@@ -185,13 +200,14 @@ pub(super) struct AimedRay {
 }
 
 impl PaneAperture<'_> {
-    /// The light that a ray from the shading point meets behind the pane.
+    /// The light that a ray from the shading point meets behind the pane, or behind it and a second one.
     pub(super) fn look(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
         AimedRay { place, density }: AimedRay,
+        second: Option<&SecondPanes>,
         counters: &mut Counters,
     ) -> Option<LightSample> {
         let Self { pane, side, origin } = self;
@@ -205,20 +221,29 @@ impl PaneAperture<'_> {
         if !coverage::steep(side, [ray.direction, through.inner_direction, through.direction]) {
             return None;
         }
-        let exit = Ray::new(frame.point_to_world(through.exit), frame.vector_to_world(through.direction));
+        let mut exit = Ray::new(frame.point_to_world(through.exit), frame.vector_to_world(through.direction));
+        let mut ray_origin = SurfaceId::Pane { index: *pane, face: side.far };
+        let mut transmittance = through.transmittance;
+        let first_exit = exit.origin;
+        if let Some(second) = second {
+            second.behind(*pane, side.near)?;
+            let light = through.polarisation.turned(|axis| frame.vector_to_world(axis));
+            let passed = SecondPanes::pass(scene, &exit, ray_origin, light, counters)?;
+            (exit, ray_origin) = (passed.exit, passed.surface);
+            transmittance *= passed.transmittance;
+        }
         let hit = scene.lights()[light as usize].intersect(&exit)?;
         if hit.radiance == DVec3::ZERO {
             return None;
         }
         let entry = frame.point_to_world(through.entry);
-        let ray_origin = SurfaceId::Pane { index: *pane, face: side.far };
-        if scene.blocked_through_pane(point, entry, *pane, side.near, &exit.origin, counters)
+        if scene.blocked_through_pane(point, entry, *pane, side.near, &first_exit, counters)
             || scene.blocked(&exit, hit.distance, ray_origin, None, Some(light), counters)
         {
             return None;
         }
         counters.unique_solutions += 1;
-        let arrival = Arrival { direction, weight: hit.radiance * through.transmittance / density };
+        let arrival = Arrival { direction, weight: hit.radiance * transmittance / density };
         Some(LightSample { arrival, density, through, exit, hit })
     }
 }

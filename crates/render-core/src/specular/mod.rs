@@ -19,6 +19,7 @@ pub mod constraint;
 pub mod coverage;
 mod deflection;
 mod direction_bounds;
+pub(crate) mod double_glazing;
 pub mod enumeration;
 pub(crate) mod environment;
 pub mod fermat;

@@ -41,6 +41,8 @@ pub struct Transmission {
     pub direction: DVec3,
     /// What both faces transmit together of unpolarised light, times absorption in the glass.
     pub transmittance: DVec3,
+    /// Polarisation after the pane.
+    pub(crate) polarisation: Polarisation,
 }
 
 impl<'a> PaneSide<'a> {
@@ -98,6 +100,16 @@ impl<'a> PaneSide<'a> {
     /// Traces a ray, given in the pane's frame, from outside through both faces. `None` when it misses the near face,
     /// meets the edge, leaves by the face by which it entered, or is totally reflected.
     pub fn transmit(&self, ray: &Ray, counters: &mut Counters) -> Option<Transmission> {
+        self.transmit_polarised(ray, Polarisation::NONE, counters)
+    }
+
+    /// The same with light that has this polarisation, in the pane's frame.
+    pub(crate) fn transmit_polarised(
+        &self,
+        ray: &Ray,
+        light: Polarisation,
+        counters: &mut Counters,
+    ) -> Option<Transmission> {
         let index = self.pane.index_of_refraction;
         let entry = self.pane.intersect_outside(ray, f64::INFINITY, None, counters)?;
         if entry.boundary != PaneBoundary::Face(self.near) {
@@ -105,7 +117,7 @@ impl<'a> PaneSide<'a> {
         }
         let normal = unit_normal(entry.gradient);
         let inner = refract(ray.direction, normal, 1.0, index)?;
-        let light = Polarisation::NONE.incident(ray.direction, normal);
+        let light = light.incident(ray.direction, normal);
         let (first, light) = light.after(inner.fresnel.transmission());
         let inner_ray = Ray::new(entry.point, inner.direction);
         let exit = self.pane.intersect_inside(&inner_ray, Some(self.near), counters)?;
@@ -114,7 +126,7 @@ impl<'a> PaneSide<'a> {
         }
         let normal = unit_normal(exit.gradient);
         let outer = refract(inner.direction, normal, index, 1.0)?;
-        let (second, _) = light.incident(inner.direction, normal).after(outer.fresnel.transmission());
+        let (second, light) = light.incident(inner.direction, normal).after(outer.fresnel.transmission());
         let layers = self.pane.layer(self.near, inner.direction.dot(unit_normal(entry.gradient)))
             * self.pane.layer(self.far, inner.direction.dot(normal));
         Some(Transmission {
@@ -123,6 +135,7 @@ impl<'a> PaneSide<'a> {
             inner_direction: inner.direction,
             direction: outer.direction,
             transmittance: absorption(self.pane.absorption, exit.distance) * layers * (first * second),
+            polarisation: light,
         })
     }
 }

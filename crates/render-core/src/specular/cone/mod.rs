@@ -39,7 +39,7 @@ impl SpecularMethod for Cone {
         arrive: &mut dyn FnMut(Arrival),
     ) {
         let random = stream.next_2d();
-        let view = LightView::new(scene, point, light, &Effort::at(point));
+        let view = LightView::new(scene, point, light, &Effort::at(point), None);
         view.cast(random, counters, &mut |light_sample, _| arrive(light_sample.arrival));
     }
 

@@ -8,7 +8,7 @@ mod portals;
 
 use std::sync::Arc;
 
-use self::portals::Portals;
+pub(super) use self::portals::Portals;
 use super::cache::MethodCache;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::scene::{Scene, ShadingPoint};
@@ -57,7 +57,7 @@ impl SpecularMethod for WithEnvironment {
                 self.method.sample_li(scene, point, light, events, stream, counters, arrive);
             }
         } else if events == THROUGH_PANE {
-            self.portals.sample_li(scene, point, light, stream, counters, arrive);
+            self.portals.sample_li(scene, point, light, None, stream, counters, arrive);
         }
     }
 

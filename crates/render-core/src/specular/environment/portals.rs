@@ -11,6 +11,7 @@
 use glam::{DVec2, DVec3};
 
 use super::super::Arrival;
+use super::super::double_glazing::SecondPanes;
 use super::super::light_view::{AimedRay, PaneAperture};
 use super::super::side::PaneSide;
 use super::super::window::seen_face;
@@ -39,23 +40,36 @@ const FACES: [Face; 2] = [Face::Front, Face::Back];
 
 /// The faces of all panes, through which an environment is seen.
 #[derive(Debug)]
-pub(super) struct Portals {
+pub(in crate::specular) struct Portals {
     tree: LightTree,
 }
 
 impl Portals {
     pub(super) fn new(scene: &Scene) -> Self {
-        let portals: Vec<Cluster> =
-            scene.panes().iter().flat_map(|pane| FACES.map(|face| portal(pane, face))).collect();
-        Self { tree: LightTree::over(portals.into_iter().map(Some)) }
+        Self::of(scene, 0..scene.panes().len() as u32)
     }
 
-    /// Estimates the light of the environment `light` that arrives at a point through one pane.
-    pub(super) fn sample_li(
+    /// The faces of these panes.
+    pub(in crate::specular) fn of(scene: &Scene, panes: impl Iterator<Item = u32>) -> Self {
+        let mut portals = vec![None; FACES.len() * scene.panes().len()];
+        for pane in panes {
+            for (number, face) in FACES.into_iter().enumerate() {
+                let place = FACES.len() * pane as usize + number;
+                portals[place] = Some(portal(&scene.panes()[pane as usize], face));
+            }
+        }
+        Self { tree: LightTree::over(portals.into_iter()) }
+    }
+
+    /// Estimates the light of the environment `light` that arrives at a point through one pane, or through one and
+    /// another that is close behind it.
+    #[expect(clippy::too_many_arguments, reason = "one estimate depends on all of them, and none belong together")]
+    pub(in crate::specular) fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
+        second: Option<&SecondPanes>,
         stream: &mut SampleStream,
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
@@ -78,7 +92,8 @@ impl Portals {
             let Some(seen) = SeenPortal::new(scene, point, portal) else { continue };
             let place = seen.sample(DVec2::new(rest, across - across.floor()));
             let density = rays.density(&seen, place, probability * seen.density(place), source);
-            if let Some(found) = seen.aperture.look(scene, point, light, AimedRay { place, density }, counters) {
+            if let Some(found) = seen.aperture.look(scene, point, light, AimedRay { place, density }, second, counters)
+            {
                 arrive(found.arrival);
             }
         }
@@ -91,7 +106,9 @@ impl Portals {
                     0.0
                 };
                 let density = rays.density(&seen, place, by_pane, source);
-                if let Some(found) = seen.aperture.look(scene, point, light, AimedRay { place, density }, counters) {
+                if let Some(found) =
+                    seen.aperture.look(scene, point, light, AimedRay { place, density }, second, counters)
+                {
                     arrive(found.arrival);
                 }
             }

@@ -189,7 +189,7 @@ impl SpecularMethod for Fnee {
         }
         let random = stream.next_2d();
         let is_met = !source.is_delta();
-        let view = (is_met && self.combines()).then(|| LightView::new(scene, point, light, &Effort::at(point)));
+        let view = (is_met && self.combines()).then(|| LightView::new(scene, point, light, &Effort::at(point), None));
         if let Some(view) = &view {
             view.cast(random, counters, &mut |light_sample, aperture| {
                 let share = light_sample.density
