@@ -90,12 +90,14 @@ impl WindowDesign {
         names
     }
 
-    /// Checks everything that can be checked without planning.
+    /// Checks every member by itself, which takes no time. [`plan`](Self::plan) also finds members that do not fit each
+    /// other.
     ///
     /// # Errors
     ///
     /// The first member that is out of its range.
     pub fn validate(&self) -> Result<(), GlazingError> {
+        self.opening.form("opening")?;
         self.stone.validate("stone")?;
         self.filling.validate("filling")?;
         self.glass.validate("glass")?;

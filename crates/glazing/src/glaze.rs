@@ -161,7 +161,7 @@ struct LeadLines<'a> {
 const JOINT_DISTANCE: f64 = 0.002;
 
 /// Radius of the solder on a joint, as a part of the width of a flange.
-const SOLDER: f64 = 0.62;
+const SOLDER: f64 = 0.7;
 
 impl<'a> LeadLines<'a> {
     fn new(settings: Option<&'a Cames>) -> Self {

@@ -72,6 +72,7 @@ fn errors_name_the_member_and_what_is_expected() {
         ("/opening", json!({ "roundel": { "diameter": 0 } }), "opening.roundel.diameter"),
         ("/tracery", json!({ "intersecting": { "lights": 1 } }), "tracery.intersecting.lights"),
         ("/tracery", json!({ "mullions": { "lights": 12 } }), "stone.width"),
+        ("/tracery", json!({ "reticulated": { "rise": 1.5 } }), "tracery.reticulated.rise"),
         ("/stone/width", json!(2), "stone.width"),
         ("/stone/chamfer", json!(0.06), "stone.chamfer"),
         ("/filling", json!({ "diamonds": { "width": 0 } }), "filling.diamonds.width"),
