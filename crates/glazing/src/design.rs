@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::bars::Bars;
+use crate::convex::CutTests;
 use crate::error::{GlazingError, check};
 use crate::filling::{Filling, MAX_PIECES};
 use crate::glass::GlassPattern;
@@ -130,8 +131,9 @@ impl WindowDesign {
             upper_left,
         };
         let (mut pieces, mut cames, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+        let mut tests = CutTests::default();
         for (index, light) in lights.iter().enumerate() {
-            let glazed = glazier.glaze(index, light)?;
+            let glazed = glazier.glaze(index, light, &mut tests)?;
             pieces.extend(glazed.pieces);
             cames.extend(glazed.cames);
             joints.extend(glazed.joints);
@@ -139,6 +141,10 @@ impl WindowDesign {
                 let found = format!("more than {MAX_PIECES} pieces");
                 return Err(GlazingError::new("filling", found, format!("at most {MAX_PIECES} pieces")));
             }
+        }
+        if let (true, Some(cames)) = (pieces.is_empty(), self.lead.cames()) {
+            let expected = "narrow enough to leave glass between the flanges";
+            return Err(GlazingError::new("lead.cames.flange_width", cames.flange_width, expected));
         }
         let stone = (self.tracery != Tracery::None).then(|| self.stone_frame(&outline, &lights));
         let lights: Vec<_> = lights.iter().map(Outline::polygon).collect();

@@ -49,7 +49,12 @@ pub(crate) struct GlazedLight {
 
 impl Glazier<'_> {
     /// Glazes a light.
-    pub(crate) fn glaze(&self, light: usize, outline: &Outline) -> Result<GlazedLight, GlazingError> {
+    pub(crate) fn glaze(
+        &self,
+        light: usize,
+        outline: &Outline,
+        tests: &mut CutTests,
+    ) -> Result<GlazedLight, GlazingError> {
         let edge = outline.polygon();
         let region = Region { outline, polygon: &edge, upper_left: self.upper_left };
         let Layout { lines, locate, tolerance } = self.filling.lay_out(region, "filling")?;
@@ -67,13 +72,12 @@ impl Glazier<'_> {
         let hidden = self.cames.map_or(0.0, Cames::hidden);
         let mut lead = LeadLines::new(self.cames);
         lead.add_edges(&arrangement);
-        let mut tests = CutTests::default();
         let mut cut_pieces = Vec::new();
         for face in &arrangement.faces {
             let corners = arrangement.corners(face);
             let middle = polygon::inner_point(&corners);
             let cell = locate(middle);
-            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS, &mut tests).ok_or_else(|| uncut(middle))?;
+            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS, tests).ok_or_else(|| uncut(middle))?;
             for cut in parts.cuts {
                 lead.add_cut(cut);
             }
