@@ -22,6 +22,9 @@ pub(crate) const MAX_CORNERS: usize = 64;
 /// Pieces with a smaller area are dust, square metres.
 const MIN_AREA: f64 = 1e-10;
 
+/// Edges of glass under lead that are shorter than this are left out, metres.
+const SHORT: f64 = 2e-5;
+
 /// Cames end where they would turn by more than this; the cosine.
 const SHARPEST_TURN: f64 = 0.6;
 
@@ -102,7 +105,8 @@ impl Glazier<'_> {
         if polygon::inset_convex(cell, 0.5 * cames.flange_width.min(cames.border_width)).is_empty() {
             return Vec::new();
         }
-        polygon::inset_convex(cell, 0.5 * cames.heart_thickness)
+        // The flanges hide what this takes, and short edges go.
+        polygon::cleaned(&polygon::inset_convex(cell, 0.5 * cames.heart_thickness), SHORT)
     }
 
     /// The pieces of a light, ordered by their places.

@@ -47,6 +47,8 @@ pub(super) fn assert_sound(plan: &WindowPlan) {
         assert!((3..=64).contains(&piece.outline.len()), "{}", piece.place);
         assert!(polygon::is_convex(&piece.outline), "{}: {:?}", piece.place, piece.outline);
         assert!(area(&piece.outline) > 0.0);
+        let shortest = edges(&piece.outline).map(|[from, to]| from.distance(to)).fold(f64::INFINITY, f64::min);
+        assert!(shortest > if plan.lead.is_some() { 1e-5 } else { 1e-9 }, "{}: {shortest:e}", piece.place);
         assert!(places.insert(piece.place), "{} is there twice", piece.place);
         let light = &plan.lights[piece.place.light];
         for &corner in &piece.outline {

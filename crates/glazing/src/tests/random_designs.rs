@@ -68,7 +68,8 @@ fn opening() -> impl Strategy<Value = (Opening, Tracery)> {
         2 => (0.8..2.5, 0.1..2.0, pointed, net)
             .prop_map(|(width, jambs, head, tracery)| (arch(width, jambs, head), tracery)),
         1 => (0.2..2.0).prop_map(|diameter| (Opening::Roundel(Roundel { diameter }), Tracery::None)),
-        1 => (0.3..2.0, 3..9_u32).prop_map(|(diameter, lobes)| (Opening::Foil(Foil { diameter, lobes }), Tracery::None)),
+        1 => (0.3..2.0, 3..9_u32)
+            .prop_map(|(diameter, lobes)| (Opening::Foil(Foil { diameter, lobes }), Tracery::None)),
     ]
 }
 
