@@ -11,10 +11,10 @@ const STRAIGHT: f64 = 1e-9;
 /// Polygons with a greater product of corners and hollow corners are cut rather than straightened.
 const MAX_HOLLOW: usize = 4096;
 
-/// Most looks at an edge for the cuts of a light, a few seconds.
+/// Most looks at an edge for the cuts of a window, a few seconds.
 const MAX_TESTS: usize = 1 << 27;
 
-/// Counts looks at edges, over all polygons of a light: intricate drawings take time beyond their size.
+/// Counts looks at edges, over all polygons of a window: intricate drawings take time beyond their size.
 #[derive(Debug, Default)]
 pub(crate) struct CutTests(usize);
 

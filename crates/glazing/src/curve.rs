@@ -71,6 +71,15 @@ impl Curve {
         }
     }
 
+    /// The angle around a circle from one of its points to another, along its direction, radians; 0 for a line.
+    pub(crate) fn sweep(self, from: DVec2, to: DVec2) -> f64 {
+        let Self::Circle { centre, counterclockwise, .. } = self else { return 0.0 };
+        let (from, to) = (from - centre, to - centre);
+        let angle = libm::atan2(from.perp_dot(to), from.dot(to));
+        let angle = if counterclockwise { angle } else { -angle };
+        if angle < 0.0 { angle + std::f64::consts::TAU } else { angle }
+    }
+
     /// The points that two curves share: none, or two, which coincide where the curves touch.
     pub(crate) fn intersections(self, other: Self) -> Option<[DVec2; 2]> {
         match (self, other) {

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::bars::Bars;
+use crate::convex::CutTests;
 use crate::error::{GlazingError, check};
 use crate::filling::{Filling, MAX_PIECES};
 use crate::glass::GlassPattern;
@@ -95,12 +96,14 @@ impl WindowDesign {
         names
     }
 
-    /// Checks everything that can be checked without planning.
+    /// Checks every member by itself, which takes no time. [`plan`](Self::plan) also finds members that do not fit each
+    /// other.
     ///
     /// # Errors
     ///
     /// The first member that is out of its range.
     pub fn validate(&self) -> Result<(), GlazingError> {
+        self.opening.form("opening")?;
         self.stone.validate("stone")?;
         self.filling.validate("filling")?;
         self.glass.validate("glass")?;
@@ -134,8 +137,9 @@ impl WindowDesign {
             upper_left,
         };
         let (mut pieces, mut cames, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+        let mut tests = CutTests::default();
         for (index, light) in lights.iter().enumerate() {
-            let glazed = glazier.glaze(index, light)?;
+            let glazed = glazier.glaze(index, light, &mut tests)?;
             pieces.extend(glazed.pieces);
             cames.extend(glazed.cames);
             joints.extend(glazed.joints);
@@ -143,6 +147,10 @@ impl WindowDesign {
                 let found = format!("more than {MAX_PIECES} pieces");
                 return Err(GlazingError::new("filling", found, format!("at most {MAX_PIECES} pieces")));
             }
+        }
+        if let (true, Some(cames)) = (pieces.is_empty(), self.lead.cames()) {
+            let expected = "narrow enough to leave glass between the flanges";
+            return Err(GlazingError::new("lead.cames.flange_width", cames.flange_width, expected));
         }
         let stone = (self.tracery != Tracery::None).then(|| self.stone_frame(&outline, &lights));
         let lights: Vec<_> = lights.iter().map(Outline::polygon).collect();

@@ -22,6 +22,9 @@ pub(crate) const MAX_CORNERS: usize = 64;
 /// Pieces with a smaller area are dust, square metres.
 const MIN_AREA: f64 = 1e-10;
 
+/// Edges of glass under lead that are shorter than this are left out, metres.
+const SHORT: f64 = 2e-5;
+
 /// Cames end where they would turn by more than this; the cosine.
 const SHARPEST_TURN: f64 = 0.6;
 
@@ -49,7 +52,12 @@ pub(crate) struct GlazedLight {
 
 impl Glazier<'_> {
     /// Glazes a light.
-    pub(crate) fn glaze(&self, light: usize, outline: &Outline) -> Result<GlazedLight, GlazingError> {
+    pub(crate) fn glaze(
+        &self,
+        light: usize,
+        outline: &Outline,
+        tests: &mut CutTests,
+    ) -> Result<GlazedLight, GlazingError> {
         let edge = outline.polygon();
         let region = Region { outline, polygon: &edge, upper_left: self.upper_left };
         let Layout { lines, locate, tolerance } = self.filling.lay_out(region, "filling")?;
@@ -67,13 +75,12 @@ impl Glazier<'_> {
         let hidden = self.cames.map_or(0.0, Cames::hidden);
         let mut lead = LeadLines::new(self.cames);
         lead.add_edges(&arrangement);
-        let mut tests = CutTests::default();
         let mut cut_pieces = Vec::new();
         for face in &arrangement.faces {
             let corners = arrangement.corners(face);
             let middle = polygon::inner_point(&corners);
             let cell = locate(middle);
-            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS, &mut tests).ok_or_else(|| uncut(middle))?;
+            let parts = ConvexParts::new(&corners, hidden, MAX_CORNERS, tests).ok_or_else(|| uncut(middle))?;
             for cut in parts.cuts {
                 lead.add_cut(cut);
             }
@@ -98,7 +105,8 @@ impl Glazier<'_> {
         if polygon::inset_convex(cell, 0.5 * cames.flange_width.min(cames.border_width)).is_empty() {
             return Vec::new();
         }
-        polygon::inset_convex(cell, 0.5 * cames.heart_thickness)
+        // The flanges hide what this takes, and short edges go.
+        polygon::cleaned(&polygon::inset_convex(cell, 0.5 * cames.heart_thickness), SHORT)
     }
 
     /// The pieces of a light, ordered by their places.
@@ -161,7 +169,7 @@ struct LeadLines<'a> {
 const JOINT_DISTANCE: f64 = 0.002;
 
 /// Radius of the solder on a joint, as a part of the width of a flange.
-const SOLDER: f64 = 0.62;
+const SOLDER: f64 = 0.7;
 
 impl<'a> LeadLines<'a> {
     fn new(settings: Option<&'a Cames>) -> Self {

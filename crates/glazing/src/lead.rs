@@ -56,8 +56,8 @@ pub enum CameProfile {
 impl Default for Cames {
     fn default() -> Self {
         Self {
-            flange_width: 0.008,
-            border_width: 0.012,
+            flange_width: 0.01,
+            border_width: 0.014,
             flange_thickness: 0.001,
             heart_thickness: 0.0015,
             heart_height: 0.005,
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn flanges_are_wider_than_the_heart() {
-        let lead = Lead::Cames(Cames { heart_thickness: 0.005, ..Cames::default() });
+        let lead = Lead::Cames(Cames { heart_thickness: 0.006, ..Cames::default() });
         assert_eq!(lead.validate("lead").unwrap_err().path, "lead.cames.flange_width");
         assert_eq!(Lead::default().validate("lead"), Ok(()));
     }

@@ -11,6 +11,7 @@
 
 mod arrangement;
 mod bars;
+mod clip;
 mod convex;
 mod curve;
 mod design;
@@ -42,7 +43,7 @@ pub use opening::{Arch, Drop, Foil, Head, Lancet, Ogee, Opening, Roundel, Segmen
 pub use plan::{Came, Piece, PiecePlace, SheetCut, SolderJoint, WindowPlan, Zone};
 pub use stone::{StoneFrame, StoneHole, StoneSection};
 pub use svg::{DrawingStyle, svg};
-pub use tracery::{Geometrical, Intersecting, Mullions, Tracery};
+pub use tracery::{Geometrical, Intersecting, Mullions, Reticulated, Tracery};
 pub use wall::{PlannedWall, Wall};
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Closed outlines of lines and arcs, counterclockwise.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use glam::DVec2;
 
@@ -85,11 +85,7 @@ impl Outline {
 
     /// The angle of an arc, radians; 0 for a line.
     pub(crate) fn sweep(&self, side: usize) -> f64 {
-        let Curve::Circle { centre, counterclockwise, .. } = self.sides[side].curve else { return 0.0 };
-        let (from, to) = (self.start(side) - centre, self.ends[side] - centre);
-        let angle = libm::atan2(from.perp_dot(to), from.dot(to));
-        let angle = if counterclockwise { angle } else { -angle };
-        if angle < 0.0 { angle + TAU } else { angle }
+        self.sides[side].curve.sweep(self.start(side), self.ends[side])
     }
 
     /// The length of a side, metres.

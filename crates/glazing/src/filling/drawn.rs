@@ -70,7 +70,7 @@ const FLATNESS: f64 = 0.0003;
 const DRAWN: f64 = 0.0004;
 
 /// Most pairs of corners of pieces that overlap, a second or so.
-const MAX_WORK: usize = 1 << 28;
+const MAX_WORK: usize = 1 << 26;
 
 /// Smallest area of a piece, square metres.
 const MIN_AREA: f64 = 1e-6;

@@ -30,7 +30,7 @@ pub struct Roundels {
 
 impl Default for Roundels {
     fn default() -> Self {
-        Self { diameter: 0.11, gap: 0.016, between: None }
+        Self { diameter: 0.11, gap: 0.022, between: None }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use crate::{
     Arch, Border, Diamonds, Drawn, DrawnPiece, Drop, Filling, Foil, Geometrical, GlassPattern, Head, Intersecting,
-    Lancet, Lead, Mullions, Ogee, Opening, Rectangles, Roundel, Roundels, Segmental, Tracery, Tudor, UniformGlass,
-    WindowDesign,
+    Lancet, Lead, Mullions, Ogee, Opening, Rectangles, Reticulated, Roundel, Roundels, Segmental, Tracery, Tudor,
+    UniformGlass, WindowDesign,
 };
 
 pub(super) fn arch(width: f64, height: f64, head: Head) -> Opening {
@@ -79,6 +79,7 @@ pub(super) fn all() -> Vec<WindowDesign> {
             (Head::Equilateral, Tracery::Y),
             (Head::Equilateral, Tracery::Intersecting(Intersecting { lights: 3 })),
             (Head::Lancet(Lancet { radius: 1.9 }), Tracery::Geometrical(Geometrical { lobes: 4 })),
+            (Head::Equilateral, Tracery::Reticulated(Reticulated::default())),
             (Head::Round, Tracery::Mullions(Mullions { lights: 3, head: None })),
             (Head::Rectangle, Tracery::Mullions(Mullions { lights: 2, head: Some(Head::Equilateral) })),
         ] {

@@ -72,6 +72,7 @@ fn errors_name_the_member_and_what_is_expected() {
         ("/opening", json!({ "roundel": { "diameter": 0 } }), "opening.roundel.diameter"),
         ("/tracery", json!({ "intersecting": { "lights": 1 } }), "tracery.intersecting.lights"),
         ("/tracery", json!({ "mullions": { "lights": 12 } }), "stone.width"),
+        ("/tracery", json!({ "reticulated": { "rise": 1.5 } }), "tracery.reticulated.rise"),
         ("/stone/width", json!(2), "stone.width"),
         ("/stone/chamfer", json!(0.06), "stone.chamfer"),
         ("/filling", json!({ "diamonds": { "width": 0 } }), "filling.diamonds.width"),
@@ -103,6 +104,72 @@ fn numbers_that_are_none_are_refused() {
     arch.height = f64::INFINITY;
     design.tilt = 0.0;
     assert_eq!(design.plan().unwrap_err().path, "opening.arch.height");
+}
+
+/// The places of all numbers in a value.
+fn numbers(value: &Value, pointer: &str, found: &mut Vec<String>) {
+    match value {
+        Value::Number(_) => found.push(pointer.to_owned()),
+        Value::Object(members) => members.iter().for_each(|(name, value)| {
+            numbers(value, &format!("{pointer}/{name}"), found);
+        }),
+        Value::Array(elements) => elements.iter().enumerate().for_each(|(index, value)| {
+            numbers(value, &format!("{pointer}/{index}"), found);
+        }),
+        _ => {}
+    }
+}
+
+#[test]
+fn any_number_is_planned_or_refused() {
+    for design in all().into_iter().step_by(23) {
+        let value = serde_json::to_value(&design).unwrap();
+        let mut pointers = Vec::new();
+        numbers(&value, "", &mut pointers);
+        assert!(pointers.len() > 10, "{pointers:?}");
+        for pointer in pointers {
+            for number in [json!(0), json!(-1), json!(1e-9), json!(0.05), json!(2), json!(12), json!(1e9), json!(1e300)]
+            {
+                let mut changed = value.clone();
+                *changed.pointer_mut(&pointer).unwrap() = number.clone();
+                let Ok(design) = serde_json::from_value::<WindowDesign>(changed) else { continue };
+                if let Err(error) = design.plan() {
+                    assert!(!error.expected.is_empty() && error.path != "filling", "{error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn any_path_is_planned_or_refused() {
+    let tokens = [
+        "M", "L", "l", "H", "v", "C", "q", "A", "Z", "z", "S", "t", "0", "100", "300", "-50", "1e9", "1e400", "NaN",
+        ".5", ",", "e", "1", "0 0 1",
+    ];
+    let mut random = crate::random::Random::new(5, &[]);
+    let mut pick = |count: usize| (random.unit() * count as f64) as usize;
+    let mut planned = 0;
+    for _ in 0..4000 {
+        let length = pick(12);
+        let rest: Vec<&str> = (0..length).map(|_| tokens[pick(tokens.len())]).collect();
+        let mut value = window();
+        let path = format!("M 100 900 L 400 900 L 300 {} {} Z", 1200 + 10 * pick(20), rest.join(" "));
+        value["filling"] = json!({ "drawn": { "pieces": [{ "path": path, "glass": "blue" }] } });
+        match read(value).plan() {
+            Ok(_) => planned += 1,
+            Err(error) => assert_eq!(error.path, "filling.drawn.pieces[0].path", "{path}: {error}"),
+        }
+    }
+    assert!(planned > 200, "{planned}");
+}
+
+#[test]
+fn lead_that_hides_all_glass_is_refused() {
+    let mut value = window();
+    value["filling"] = json!({ "diamonds": { "width": 0.03, "height": 0.04 } });
+    value["lead"] = json!({ "cames": { "flange_width": 0.03, "border_width": 0.03 } });
+    assert_eq!(read(value).plan().unwrap_err().path, "lead.cames.flange_width");
 }
 
 #[test]

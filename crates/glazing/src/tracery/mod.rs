@@ -8,6 +8,7 @@ mod geometrical;
 mod intersecting;
 mod mullions;
 mod registry;
+mod reticulated;
 
 use glam::DVec2;
 
@@ -15,6 +16,9 @@ pub use self::geometrical::Geometrical;
 pub use self::intersecting::Intersecting;
 pub use self::mullions::Mullions;
 pub use self::registry::Tracery;
+pub use self::reticulated::Reticulated;
+use crate::clip::clipped;
+use crate::curve::Curve;
 use crate::error::GlazingError;
 use crate::grid::crossing;
 use crate::opening::{ArchForm, OpeningForm, TwoCentred, foil_outline};
@@ -25,6 +29,8 @@ use crate::polygon;
 pub(crate) enum TraceryCell {
     /// Glazed up to the bars. Sides may touch in a cusp.
     Bounded(Vec<Side>),
+    /// The same, within the discs of a head.
+    Cut { sides: Vec<Side>, heads: [Curve; 2] },
     /// A disc that is filled by a foil.
     Foil { centre: DVec2, radius: f64, lobes: u32 },
 }
@@ -33,17 +39,24 @@ impl TraceryCell {
     /// The cell without a strip along its edge.
     pub(crate) fn light(self, strip: f64) -> Option<Outline> {
         match self {
-            Self::Bounded(sides) => {
-                let inset = |side: Side| Some(Side { curve: side.curve.inset(strip)?, corner: side.corner });
-                let light = Outline::new(sides.into_iter().map(inset).collect::<Option<Vec<Side>>>()?)?;
-                let corners = light.polygon();
-                (polygon::area(&corners) > 0.0 && crossing(&corners).is_none()).then_some(light)
+            Self::Bounded(sides) => bounded(sides, strip),
+            Self::Cut { sides, heads } => {
+                let light = bounded(sides, strip)?;
+                heads.into_iter().try_fold(light, |light, head| clipped(&light, head.inset(strip)?))
             }
             Self::Foil { centre, radius, lobes } => {
                 (radius > strip).then(|| foil_outline(centre, radius - strip, lobes)).flatten()
             }
         }
     }
+}
+
+/// What is left within sides that are moved inwards.
+fn bounded(sides: Vec<Side>, strip: f64) -> Option<Outline> {
+    let inset = |side: Side| Some(Side { curve: side.curve.inset(strip)?, corner: side.corner });
+    let light = Outline::new(sides.into_iter().map(inset).collect::<Option<Vec<Side>>>()?)?;
+    let corners = light.polygon();
+    (polygon::area(&corners) > 0.0 && crossing(&corners).is_none()).then_some(light)
 }
 
 /// What every kind of tracery does.

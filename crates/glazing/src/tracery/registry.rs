@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::geometrical::Geometrical;
 use super::intersecting::{Intersecting, Y};
 use super::mullions::Mullions;
+use super::reticulated::Reticulated;
 use super::{Cells, TraceryShape};
 use crate::error::{GlazingError, join};
 use crate::opening::OpeningForm;
@@ -26,6 +27,8 @@ pub enum Tracery {
     Intersecting(Intersecting),
     /// Two pointed lights under a circle with a foil.
     Geometrical(Geometrical),
+    /// Ogee-headed lights under a net of ogee meshes.
+    Reticulated(Reticulated),
 }
 
 /// The least extent of a light, metres.
@@ -40,6 +43,7 @@ impl Tracery {
             Self::Y => Some(("y", &Y)),
             Self::Intersecting(tracery) => Some(("intersecting", tracery)),
             Self::Geometrical(tracery) => Some(("geometrical", tracery)),
+            Self::Reticulated(tracery) => Some(("reticulated", tracery)),
         }
     }
 

@@ -13,6 +13,8 @@ fn lights_lie_in_the_opening_apart_from_each_other() {
         (Head::Equilateral, Tracery::Y),
         (Head::Lancet(Lancet { radius: 2.5 }), Tracery::Intersecting(Intersecting { lights: 4 })),
         (Head::Equilateral, Tracery::Geometrical(Geometrical { lobes: 5 })),
+        (Head::Equilateral, Tracery::Reticulated(Reticulated { lights: 3, rise: None })),
+        (Head::Lancet(Lancet { radius: 2.5 }), Tracery::Reticulated(Reticulated { lights: 4, rise: Some(0.4) })),
         (Head::Round, Tracery::Mullions(Mullions { lights: 3, head: None })),
         (Head::Rectangle, Tracery::Mullions(Mullions { lights: 3, head: Some(Head::Equilateral) })),
     ] {
