@@ -38,8 +38,8 @@ pub struct Mueller {
     pub diagonal: f64,
 }
 
-/// The amplitudes that a smooth face reflects. The axes of s and p and the ray are right-handed before and behind it. So
-/// `s` and `p` have opposite signs along the normal.
+/// The amplitudes that a smooth face reflects. The axes of s and p and the ray are right-handed before and behind it.
+/// So `s` and `p` have opposite signs along the normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fresnel {
     s: f64,

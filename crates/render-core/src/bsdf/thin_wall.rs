@@ -1,8 +1,8 @@
 //! Window glass without a thickness: light goes straight on, or is mirrored.
 //!
 //! A sheet of glass has two faces. With R the reflectance of one face, light that is reflected back and forth between
-//! them adds up to `2R / (1 + R)`. This holds for each polarisation by itself, and unpolarised light is reflected by the
-//! mean of both. Both faces are parallel, so that transmitted light leaves in its old direction.
+//! them adds up to `2R / (1 + R)`. This holds for each polarisation by itself, and unpolarised light is reflected by
+//! the mean of both. Both faces are parallel, so that transmitted light leaves in its old direction.
 //!
 //! Several walls in a row carry the polarisation from one to the next. Shadow rays and paths do so in the same order,
 //! from the diffuse vertex on, so that both find the same light.
