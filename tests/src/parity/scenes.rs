@@ -7,8 +7,7 @@
 //!   the glass shorter, so its picture is brighter by some 0.04 percent. The pane is large and thick, and absorbs
 //!   little.
 //! - Light is unpolarised at each surface there. Panes and thin walls are seen by light near their normals, above dark
-//!   floors. Blocks of glass are seen at all angles, but what they do to light that is polarised by one of their faces
-//!   is hardly more than the noise.
+//!   floors. Blocks of glass are seen at all angles. What they do to polarised light is hardly more than the noise.
 //! - Facets that shade each other, and light that several of them reflect: rough surfaces are not very rough.
 //! - Spots dim in another way there: the one here is sharp.
 //! - Meshes shine to the side of their normals there: lanterns are closed. Light of a picture beyond its first period
