@@ -6,6 +6,8 @@
 //! - Mitsuba moves rays off surfaces, here by up to 0.4 mm. The light behind the pane is nearer by that, and the way in
 //!   the glass shorter, so its picture is brighter by some 0.04 percent. The pane is large and thick, and absorbs
 //!   little.
+//! - Light is unpolarised at each surface there. Panes and thin walls are seen by light near their normals, above dark
+//!   floors. Blocks of glass are seen at all angles. What they do to polarised light is hardly more than the noise.
 //! - Facets that shade each other, and light that several of them reflect: rough surfaces are not very rough.
 //! - Spots dim in another way there: the one here is sharp.
 //! - Meshes shine to the side of their normals there: lanterns are closed. Light of a picture beyond its first period
@@ -225,13 +227,13 @@ fn glass() -> ParityScene {
     scene
 }
 
-/// A floor below a pane of coloured crown glass below a large light, at incidence below 25 degrees. The orthographic
-/// camera stands between floor and pane.
+/// A dark floor below a pane of coloured crown glass below a large light, at incidence below 25 degrees. The
+/// orthographic camera stands between floor and pane.
 fn pane(integrator: &'static str) -> ParityScene {
     let crown = |centre: [f64; 2]| json!({"crown": {"centre": centre, "wavelength": 0.5, "amplitude": 2e-4}});
     let things = json!({
-        "materials": {"white": grey(0.8)},
-        "meshes": [quad("floor", "white", [-2.0, -2.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0])],
+        "materials": {"dark": grey(0.2)},
+        "meshes": [quad("floor", "dark", [-2.0, -2.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0])],
         "panes": [{"name": "pane", "centre": [0, 0, 3], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 3.2,
             "height": 3.2, "thickness": 0.1, "absorption": [0.2, 0.6, 1.2],
             "front": crown([0.5, 0.1]), "back": crown([-1.0, 0.5])}],
@@ -300,16 +302,23 @@ fn rough_glass() -> ParityScene {
     scene
 }
 
-/// Sheets of tinted glass below a large light.
+/// Sheets of tinted glass above a dark floor below a large light, as the pane.
 fn window() -> ParityScene {
-    let mut things = json!({"materials": paints(), "meshes": room(["white", "white", "red", "green", "white", "white"]),
-        "lights": [ceiling_light(1.9)]});
-    things["materials"]["clear"] = json!({"thin_wall": {"index_of_refraction": 1.5}});
-    things["materials"]["amber"] = json!({"thin_wall": {"tint": {"colour": [0.9, 0.6, 0.2]}}});
-    let meshes = things["meshes"].as_array_mut().expect("meshes");
-    meshes.push(quad("clear", "clear", [-0.9, -0.2, 0.9], [1.5, 0.3, 0.0], [0.0, 0.6, 0.5]));
-    meshes.push(quad("amber", "amber", [-0.3, 0.1, 0.4], [1.2, -0.2, 0.3], [0.0, 0.7, 0.1]));
-    ParityScene { samples: 64, our_samples: 64, ..ParityScene::new("window", camera(), &things) }
+    let things = json!({
+        "materials": {
+            "dark": grey(0.2),
+            "clear": {"thin_wall": {"index_of_refraction": 1.5}},
+            "amber": {"thin_wall": {"tint": {"colour": [0.9, 0.6, 0.2]}}}},
+        "meshes": [
+            quad("floor", "dark", [-2.0, -2.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]),
+            quad("clear", "clear", [-0.9, -1.6, 3.0], [2.5, 0.0, 0.1], [0.0, 3.2, 0.0]),
+            quad("amber", "amber", [-1.6, -0.2, 3.3], [3.2, 0.0, 0.0], [0.0, 1.8, -0.1])],
+        "lights": [{"rectangle": {"name": "panel", "centre": [0, 0, 7], "edge_u": [0, 5, 0], "edge_v": [5, 0, 0],
+            "radiance": [3, 3, 3]}}]
+    });
+    let camera = json!({"orthographic":
+        {"position": [0, 0, 2], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 1.5}});
+    ParityScene { samples: 64, our_samples: 64, ..ParityScene::new("window", camera, &things) }
 }
 
 /// Blocks on a floor under a picture of all directions, which is turned.
