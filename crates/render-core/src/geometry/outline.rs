@@ -335,11 +335,13 @@ pub(crate) enum Shape {
 
 impl Shape {
     /// What half planes leave of a rectangle; `None` where that is nothing.
-    pub(crate) fn new(rect: Rect, cuts: impl Iterator<Item = HalfPlane> + Clone) -> Option<Self> {
-        if cuts.clone().all(|cut| cut.distance(cut.outermost(&rect)) >= 0.0) {
+    pub(crate) fn new(rect: Rect, cuts: impl Iterator<Item = HalfPlane>) -> Option<Self> {
+        // Of the many edges of an arch, few cut a small rectangle.
+        let mut cutting = cuts.filter(|cut| cut.distance(cut.outermost(&rect)) < 0.0).peekable();
+        if cutting.peek().is_none() {
             return (!rect.is_empty()).then_some(Self::Whole(rect));
         }
-        let corners = clipped(&rect, cuts);
+        let corners = clipped(&rect, cutting);
         let area = area(&corners);
         (area > 0.0).then_some(Self::Polygon(corners, area))
     }

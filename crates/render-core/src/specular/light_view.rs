@@ -111,8 +111,11 @@ impl<'a> LightView<'a> {
         let (mut apertures, mut windows, mut patches) = (Vec::new(), Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
         let region = LightRegion::of_light(source);
-        let candidates =
-            if source.is_delta() { Panes::new() } else { scene.pane_tree().candidates(point.position, &region) };
+        let candidates = match second {
+            _ if source.is_delta() => Panes::new(),
+            None => scene.pane_tree().candidates(point.position, &region),
+            Some(second) => second.candidates(scene, point.position, &region),
+        };
         for index in candidates {
             let pane = &scene.panes()[index as usize];
             let origin = pane.frame.point_to_local(point.position);

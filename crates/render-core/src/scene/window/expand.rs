@@ -11,6 +11,7 @@ use crate::bsdf::{DiffuseMaterial, MaterialDescription};
 use crate::geometry::FaceCrossing;
 use crate::math::hash::mix;
 use crate::scene::description::{LayersDescription, MeshDescription, MeshSource, PaneDescription};
+use crate::scene::mesh::is_degenerate;
 use crate::scene::sheet::{SheetCut, SheetDescription};
 use crate::settings::check::Quoted;
 use crate::settings::limits::PANE_EDGES;
@@ -217,7 +218,10 @@ impl Glazier<'_> {
         Ok(())
     }
 
-    fn add_mesh(&self, mesh: PlanMesh, expansion: &mut WindowExpansion) {
+    fn add_mesh(&self, mut mesh: PlanMesh, expansion: &mut WindowExpansion) {
+        let corner = |vertex: u32| DVec3::from(mesh.positions[vertex as usize]);
+        // Stone has corners on straight edges, and so triangles without an area.
+        mesh.triangles.retain(|triangle| !is_degenerate(triangle.map(corner)));
         let Some((_, material, colour)) = MATERIALS.into_iter().find(|(part, ..)| *part == mesh.part) else { return };
         let reflectance = ColourDescription::Colour(colour);
         expansion
