@@ -550,6 +550,8 @@ fn through_body(coefficient: DVec3, distance: f64) -> DVec3 {
 }
 
 #[cfg(test)]
+mod double_glazing_tests;
+#[cfg(test)]
 mod opacity_tests;
 #[cfg(test)]
 mod shining;

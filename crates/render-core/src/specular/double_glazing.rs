@@ -16,7 +16,7 @@ use super::environment::Portals;
 use super::light_view::{Effort, LightView};
 use super::side::PaneSide;
 use super::window::SourceBounds;
-use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, coverage};
+use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_TWO_PANES, coverage};
 use crate::bsdf::polarisation::Polarisation;
 use crate::geometry::boxes::BoxIndex;
 use crate::geometry::{Face, Pane, Ray, Surface, SurfaceId};
@@ -24,9 +24,6 @@ use crate::scene::pane_tree::{LightRegion, Panes};
 use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
-
-/// In and out of one pane, and in and out of another.
-const THROUGH_TWO_PANES: [SpecularEvent; 4] = [SpecularEvent::Transmission; 4];
 
 /// Largest distance that light travels between both panes, metres.
 const MOST_APART: f64 = 0.5;
@@ -247,7 +244,7 @@ pub(crate) fn with_double_glazing(
 ) -> Box<dyn SpecularMethod> {
     let chains = method.chains();
     let panes = cache.get_or_make(|| SecondPanes::new(scene));
-    if panes.is_empty() || chains.iter().any(|chain| *chain == THROUGH_TWO_PANES) {
+    if panes.is_empty() || method.has_double_glazing() {
         return method;
     }
     let has_environment = scene.light_sampler().environment().is_some();
@@ -264,7 +261,8 @@ impl WithSecondPanes {
 
 impl SpecularMethod for WithSecondPanes {
     fn chains(&self) -> Vec<Vec<SpecularEvent>> {
-        self.chains.iter().cloned().chain([THROUGH_TWO_PANES.to_vec()]).collect()
+        let own = [THROUGH_TWO_PANES.to_vec()].into_iter().filter(|chain| !self.chains.contains(chain));
+        self.chains.iter().cloned().chain(own).collect()
     }
 
     fn sample_li(
@@ -277,11 +275,10 @@ impl SpecularMethod for WithSecondPanes {
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        if events != THROUGH_TWO_PANES {
-            self.method.sample_li(scene, point, light, events, stream, counters, arrive);
-            return;
-        }
-        if !Self::finds(scene, light) {
+        if events != THROUGH_TWO_PANES || !Self::finds(scene, light) {
+            if self.chains.iter().any(|chain| chain == events) {
+                self.method.sample_li(scene, point, light, events, stream, counters, arrive);
+            }
             return;
         }
         if scene.light_sampler().environment() == Some(light) {
@@ -296,9 +293,10 @@ impl SpecularMethod for WithSecondPanes {
     }
 
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool {
-        if path.links.len() != THROUGH_TWO_PANES.len() {
-            return self.method.owns(scene, point, path, counters);
+        let events = path.links.iter().map(|link| link.event);
+        if events.eq(THROUGH_TWO_PANES) && Self::finds(scene, path.light) {
+            return self.panes.owns(scene, point, path);
         }
-        Self::finds(scene, path.light) && self.panes.owns(scene, point, path)
+        self.method.owns(scene, point, path, counters)
     }
 }

@@ -17,6 +17,8 @@ pub mod cone;
 pub mod conic;
 pub mod constraint;
 pub mod coverage;
+#[cfg(test)]
+mod cutting_tests;
 mod deflection;
 mod direction_bounds;
 pub(crate) mod double_glazing;
@@ -67,10 +69,19 @@ pub struct Arrival {
 /// In through one face of a pane, and out through the other.
 pub const THROUGH_PANE: [SpecularEvent; 2] = [SpecularEvent::Transmission; 2];
 
+/// In and out of one pane, and in and out of another.
+pub const THROUGH_TWO_PANES: [SpecularEvent; 4] = [SpecularEvent::Transmission; 4];
+
 /// A method that finds the light that arrives by way of specular surfaces.
 pub trait SpecularMethod: Send + Sync {
     /// The chains that the method looks for, each as what happens from the shading point to the light.
     fn chains(&self) -> Vec<Vec<SpecularEvent>>;
+
+    /// Whether it is asked for light that can be met and comes through two panes close behind each other, rather than
+    /// the way that every other method shares (`double_glazing`).
+    fn has_double_glazing(&self) -> bool {
+        self.chains().iter().any(|chain| *chain == THROUGH_TWO_PANES)
+    }
 
     /// Estimates the light of `light` (an index into the scene) that arrives at `point` by the paths over the chain
     /// `events` that the method owns, and hands each piece to `arrive`. The expectation of the sum over all pieces is

@@ -14,3 +14,6 @@ pub(crate) use description::check_windows;
 pub use description::{OuterGlazing, WindowDescription};
 pub use expand::{WindowExpansion, expand, plan};
 pub use glass::{Cutting, GlassDescription, GlassSheet};
+
+#[cfg(test)]
+mod tests;

@@ -82,6 +82,11 @@ impl SpecularMethod for Auto {
         chains
     }
 
+    /// Walks through two panes are for lights that cannot be met.
+    fn has_double_glazing(&self) -> bool {
+        false
+    }
+
     fn sample_li(
         &self,
         scene: &Scene,

@@ -42,6 +42,10 @@ impl SpecularMethod for WithEnvironment {
         self.chains.iter().cloned().chain(through_pane).collect()
     }
 
+    fn has_double_glazing(&self) -> bool {
+        self.method.has_double_glazing()
+    }
+
     fn sample_li(
         &self,
         scene: &Scene,
