@@ -15,7 +15,7 @@ const ARROWS: [(&str, &[&str]); 12] = [
     ("clerestory-api", &[]),
     ("clerestory-film", &[]),
     ("clerestory-glazing", &[]),
-    ("clerestory-render-core", &["clerestory-film"]),
+    ("clerestory-render-core", &["clerestory-film", "clerestory-glazing"]),
     ("clerestory-export", &["clerestory-film", "clerestory-render-core"]),
     ("clerestory-local-render", &["clerestory-film", "clerestory-render-core"]),
     (
@@ -32,6 +32,7 @@ const ARROWS: [(&str, &[&str]); 12] = [
             "clerestory-experiments",
             "clerestory-export",
             "clerestory-film",
+            "clerestory-glazing",
             "clerestory-local-render",
             "clerestory-render-core",
             "clerestory-worker",

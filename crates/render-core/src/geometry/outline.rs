@@ -143,10 +143,10 @@ impl Outline {
         let count = corners.len();
         let side = |index: usize| corners[(index + 1) % count] - corners[index % count];
         let mut quarters = 0;
-        for index in 0..count {
+        for (index, &at) in corners.iter().enumerate() {
             let (before, after) = (side(index + count - 1), side(index));
             if before.perp_dot(after) <= 0.0 {
-                return Err(OutlineError::NotConvex { index, at: corners[index] });
+                return Err(OutlineError::NotConvex { index, at });
             }
             // A polygon goes around once if its sides point downwards in one run.
             quarters += usize::from(points_down(after) && !points_down(before));

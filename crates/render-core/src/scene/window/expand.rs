@@ -87,7 +87,7 @@ impl Glazier<'_> {
         let cut = self.cut(&piece.glass, &kind, &outline, piece, plan, expansion)?;
         let [x, y, z] = self.window.axes();
         let [about_x, about_y] = piece.tilt.map(f64::to_radians);
-        let turn = DQuat::from_axis_angle(x, about_x) * DQuat::from_axis_angle(y, about_y);
+        let turn = rotation_about(x, about_x) * rotation_about(y, about_y);
         let thickness = kind.thickness * piece.thickness_factor;
         let middle = DVec3::from(self.window.sill) + x * outline.middle.x + y * outline.middle.y;
         let pane = PaneDescription {
@@ -246,6 +246,13 @@ impl Glazier<'_> {
             translate: [0.0; 3],
         });
     }
+}
+
+/// The rotation about a unit vector, radians.
+fn rotation_about(axis: DVec3, angle: f64) -> DQuat {
+    let (sine, cosine) = libm::sincos(0.5 * angle);
+    let [x, y, z] = (axis * sine).to_array();
+    DQuat::from_xyzw(x, y, z, cosine)
 }
 
 /// Numbers below this are seeds that JSON keeps.
