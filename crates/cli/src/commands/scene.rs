@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
+use clerestory_render_core::document::chapel::chapel;
 use clerestory_render_core::document::nave::{PaneCount, nave};
 use clerestory_render_core::document::water::{TriangleCount, WaterSettings, WaterView, lagoon, pool};
 
@@ -29,6 +30,8 @@ enum GeneratedScene {
     Pool(WaterArguments),
     /// A lagoon with sand and stones in the sun.
     Lagoon(WaterArguments),
+    /// A chapel with stained glass to the east, and diamonds behind protective panes to the south.
+    Chapel(ChapelArguments),
     /// A leaded window in a room, in the sun; or its drawing.
     Window(WindowArguments),
 }
@@ -39,6 +42,14 @@ struct NaveArguments {
     /// Panes of all four windows together: 4, 16, 64 or 256.
     #[arg(long, value_name = "N")]
     panes: PaneCount,
+    /// The scene file to write [default: standard output].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Options of `clerestory scene chapel`.
+#[derive(Debug, Args)]
+struct ChapelArguments {
     /// The scene file to write [default: standard output].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -97,6 +108,7 @@ const LATEST: f64 = 1e9;
 pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
     let (scene, output) = match &arguments.scene {
         GeneratedScene::Nave(NaveArguments { panes, output }) => (nave(*panes), output),
+        GeneratedScene::Chapel(ChapelArguments { output }) => (chapel(), output),
         GeneratedScene::Pool(water) => (pool(&water.settings()), &water.output),
         GeneratedScene::Lagoon(water) => (lagoon(&water.settings()), &water.output),
         GeneratedScene::Window(window) => return window.run(),

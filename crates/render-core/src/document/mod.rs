@@ -7,6 +7,7 @@
 
 mod bundle;
 mod canonical;
+pub mod chapel;
 mod description;
 #[cfg(test)]
 mod hostile_scenes;
