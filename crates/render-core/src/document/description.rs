@@ -11,9 +11,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::bsdf::MaterialDescription;
 use crate::light::LightDescription;
 use crate::scene::SceneParts;
-use crate::scene::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
+use crate::scene::description::{
+    CameraDescription, FilmDescription, MeshDescription, PaneDescription, SheetDescription,
+};
 use crate::scene::import::ImportDescription;
-use crate::scene::sheet::SheetDescription;
 use crate::scene::window::WindowDescription;
 use crate::specular::registry::IntegratorDescription;
 

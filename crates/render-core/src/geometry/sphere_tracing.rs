@@ -109,16 +109,19 @@ mod tests {
             let ray = Ray::new(origin, (DVec3::new(towards_x, towards_y, 0.0) - origin).normalize());
             let range = Interval::new(0.0, f64::INFINITY);
             let [mut few, mut many] = [Counters::default(); 2];
-            let proven = field.first_crossing(field.all_bounds(), 0.0, &ray, range, side, Start::Free, &mut few).expect("a crossing");
-            let traced = field.sphere_traced(field.all_bounds(), 0.0, &ray, range, side, Start::Free, &mut many).expect("a crossing");
+            let bounds = field.all_bounds();
+            let proven = field.first_crossing(bounds, 0.0, &ray, range, side, Start::Free, &mut few);
+            let proven = proven.expect("a crossing");
+            let traced = field.sphere_traced(bounds, 0.0, &ray, range, side, Start::Free, &mut many);
+            let traced = traced.expect("a crossing");
             prop_assert!((traced.point - proven.point).length() < 1e-8, "{traced:?} {proven:?}");
             prop_assert!((traced.gradient - proven.gradient).length() < 1e-5);
             prop_assert!(matches!(kind, Glass::Flat) || many.height_evaluations >= few.height_evaluations);
             // It goes on without meeting the surface where it stands.
             let onward = Ray::new(proven.point, ray.direction);
             let other = if above { Side::Below } else { Side::Above };
-            let proven = field.first_crossing(field.all_bounds(), 0.0, &onward, range, other, Start::OnSurface, &mut few);
-            let traced = field.sphere_traced(field.all_bounds(), 0.0, &onward, range, other, Start::OnSurface, &mut many);
+            let proven = field.first_crossing(bounds, 0.0, &onward, range, other, Start::OnSurface, &mut few);
+            let traced = field.sphere_traced(bounds, 0.0, &onward, range, other, Start::OnSurface, &mut many);
             let distance = |crossing: Option<Crossing>| crossing.map_or(1.0, |crossing| crossing.distance);
             prop_assert!((distance(traced) - distance(proven)).abs() < 1e-6, "{traced:?} {proven:?}");
         }

@@ -7,7 +7,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::sheet::SheetCut;
 use crate::geometry::FaceCrossing;
 
 pub use crate::bsdf::MaterialDescription;
@@ -226,8 +225,40 @@ pub struct PaneDescription {
     pub crossing: FaceCrossing,
 }
 
-/// Coloured layers on the faces of a pane, much thinner than the glass and of its index of refraction. Light that crosses
-/// one at the angle `a` to the normal, in the glass, is multiplied by `exp(-absorbance / cos a)`.
+/// A sheet of glass from which panes are cut: the relief of both of its faces.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SheetDescription {
+    /// Extent along x, metres; 0.001 to 100.
+    #[schemars(range(min = 0.001, max = 100.0))]
+    pub width: f64,
+    /// Extent along y, metres; 0.001 to 100.
+    #[schemars(range(min = 0.001, max = 100.0))]
+    pub height: f64,
+    /// Profile of the front face.
+    #[serde(default)]
+    pub front: ProfileDescription,
+    /// Profile of the back face.
+    #[serde(default)]
+    pub back: ProfileDescription,
+}
+
+/// Where on a sheet a pane is cut.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SheetCut {
+    /// Name of the sheet.
+    pub name: String,
+    /// The place of the sheet that becomes the pane's centre, metres from the middle of the sheet.
+    #[serde(default)]
+    pub at: [f64; 2],
+    /// Direction of the pane's x axis on the sheet, from the sheet's x towards its y, degrees.
+    #[serde(default)]
+    pub rotation: f64,
+}
+
+/// Coloured layers on the faces of a pane, much thinner than the glass and of its index of refraction. Light that
+/// crosses one at the angle `a` to the normal, in the glass, is multiplied by `exp(-absorbance / cos a)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LayersDescription {

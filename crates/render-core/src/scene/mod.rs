@@ -30,7 +30,7 @@ mod polygon;
 pub(crate) mod profile;
 pub(crate) mod random;
 mod shading_point;
-pub mod sheet;
+mod sheet;
 mod shining;
 mod surface_coverage;
 mod text;

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
+use super::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription, SheetDescription};
 use super::import::ImportDescription;
-use super::sheet::SheetDescription;
 use super::window::WindowDescription;
 use crate::bsdf::MaterialDescription;
 use crate::light::LightDescription;

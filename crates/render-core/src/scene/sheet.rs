@@ -7,47 +7,13 @@
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::description::{PaneDescription, ProfileDescription};
+use super::description::{PaneDescription, ProfileDescription, SheetCut, SheetDescription};
 use super::parts::SceneParts;
 use crate::geometry::{Face, Frame, Outline};
 use crate::settings::check::{Quoted, check_name, check_pair, check_range};
 use crate::settings::limits::{MAX_COORDINATE, PANE_EDGES};
 use crate::settings::{Check, JsonPath, SceneError};
-
-/// A sheet of glass from which panes are cut: the relief of both of its faces.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SheetDescription {
-    /// Extent along x, metres; 0.001 to 100.
-    #[schemars(range(min = 0.001, max = 100.0))]
-    pub width: f64,
-    /// Extent along y, metres; 0.001 to 100.
-    #[schemars(range(min = 0.001, max = 100.0))]
-    pub height: f64,
-    /// Profile of the front face.
-    #[serde(default)]
-    pub front: ProfileDescription,
-    /// Profile of the back face.
-    #[serde(default)]
-    pub back: ProfileDescription,
-}
-
-/// Where on a sheet a pane is cut.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SheetCut {
-    /// Name of the sheet.
-    pub name: String,
-    /// The place of the sheet that becomes the pane's centre, metres from the middle of the sheet.
-    #[serde(default)]
-    pub at: [f64; 2],
-    /// Direction of the pane's x axis on the sheet, from the sheet's x towards its y, degrees.
-    #[serde(default)]
-    pub rotation: f64,
-}
 
 /// A piece may reach beyond its sheet by this much, metres: decimal numbers round.
 const BEYOND: f64 = 1e-9;

@@ -7,13 +7,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{DVec3, UVec3};
 
 use super::description::{
-    CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, WaveDescription,
+    CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, SheetDescription,
+    WaveDescription,
 };
 use super::import::{ImportDescription, check_imports};
 use super::mesh::is_degenerate;
 use super::parts::SceneParts;
 use super::profile;
-use super::sheet::{SheetDescription, check_sheet, face_name};
+use super::sheet::{check_sheet, face_name};
 use super::waves::MAX_CELLS;
 use super::window::check_windows;
 use crate::bsdf::MaterialDescription;

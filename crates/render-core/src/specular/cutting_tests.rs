@@ -1,5 +1,5 @@
-//! The cutting law: a sheet that is cut into convex pieces without lead throws the light of those paths through the
-//! whole sheet that enter and leave within one piece. What crosses a cut in the glass is dark.
+//! The cutting law. Of the paths through a whole sheet, those that enter and leave within one convex piece carry their
+//! light through the pieces as well. What crosses a cut in the glass is dark.
 
 use std::collections::BTreeMap;
 

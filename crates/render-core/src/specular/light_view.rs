@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
 
-use super::double_glazing::SecondPanes;
+use super::second_panes::SecondPanes;
 use super::side::{PaneSide, Transmission};
 use super::window::{SourceBounds, Window, seen_face};
 use super::{Arrival, coverage};
@@ -280,8 +280,7 @@ fn cut(windows: &[(usize, Window<'_>)], most: usize) -> Vec<(usize, Rect)> {
     done
 }
 
-/// Whether a light covers so much of the sky around a pane, as a point sees both, that its window is all of the pane: the
-/// pane is smaller than the light.
+/// Whether a pane is smaller than a light, as a point sees both: then its window is all of it.
 fn covers(region: &LightRegion, pane: &Pane, from: DVec3) -> bool {
     let bounds = pane.outline.bounds();
     let centre = pane.frame.point_to_world(bounds.centre().extend(0.0));

@@ -37,6 +37,7 @@ pub mod path;
 mod polarisation_tests;
 pub mod registry;
 pub mod scope;
+mod second_panes;
 pub mod selection;
 pub mod settings;
 pub mod side;

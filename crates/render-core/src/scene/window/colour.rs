@@ -1,7 +1,7 @@
 //! Colours of historical glass.
 //!
-//! Three channels stand for a spectrum. Linear Rec. 709 has no colour as pure as cobalt or ruby glass, and light through
-//! two coloured glasses is not that of their spectra.
+//! Three channels stand for a spectrum. Linear Rec. 709 has no colour as pure as cobalt or ruby glass. Light through two
+//! coloured glasses is not that of their spectra.
 
 use std::fmt;
 

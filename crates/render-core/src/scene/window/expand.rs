@@ -10,9 +10,10 @@ use super::glass::{Cutting, GlassDescription};
 use crate::bsdf::{DiffuseMaterial, MaterialDescription};
 use crate::geometry::FaceCrossing;
 use crate::math::hash::mix;
-use crate::scene::description::{LayersDescription, MeshDescription, MeshSource, PaneDescription};
+use crate::scene::description::{
+    LayersDescription, MeshDescription, MeshSource, PaneDescription, SheetCut, SheetDescription,
+};
 use crate::scene::mesh::is_degenerate;
-use crate::scene::sheet::{SheetCut, SheetDescription};
 use crate::settings::check::Quoted;
 use crate::settings::limits::PANE_EDGES;
 use crate::settings::{JsonPath, SceneError, Triple};

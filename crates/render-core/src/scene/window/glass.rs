@@ -5,8 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::colour::GlassColour;
-use crate::scene::description::ProfileDescription;
-use crate::scene::sheet::SheetDescription;
+use crate::scene::description::{ProfileDescription, SheetDescription};
 use crate::settings::check::{check_above, check_range};
 use crate::settings::{Check, JsonPath};
 

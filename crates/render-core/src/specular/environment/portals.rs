@@ -11,8 +11,8 @@
 use glam::{DVec2, DVec3};
 
 use super::super::Arrival;
-use super::super::double_glazing::SecondPanes;
 use super::super::light_view::{AimedRay, PaneAperture};
+use super::super::second_panes::SecondPanes;
 use super::super::side::PaneSide;
 use super::super::window::seen_face;
 use crate::geometry::spherical_rectangle::SphericalRectangle;

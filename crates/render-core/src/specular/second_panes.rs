@@ -1,0 +1,211 @@
+//! The panes that stand close behind another, and what becomes of light there.
+
+use glam::DVec3;
+
+use super::side::PaneSide;
+use super::window::SourceBounds;
+use super::{SpecularPath, coverage};
+use crate::bsdf::polarisation::Polarisation;
+use crate::geometry::boxes::BoxIndex;
+use crate::geometry::{Face, Pane, Ray, Surface, SurfaceId};
+use crate::scene::pane_tree::{LightRegion, Panes};
+use crate::scene::{Scene, ShadingPoint};
+use clerestory_film::counters::Counters;
+
+/// Largest distance that light travels between both panes, metres.
+const MOST_APART: f64 = 0.5;
+
+/// What may lie behind a pane, as seen from the side of one face.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Behind {
+    /// By how much the tangential part of a direction may change there, at most.
+    change: f64,
+    /// The largest thickness, metres.
+    thickness: f64,
+}
+
+/// The panes behind which there is another.
+#[derive(Debug)]
+pub(super) struct SecondPanes {
+    /// For each pane, what is behind it for a point before its front face, and for one before its back face.
+    behind: Vec<[Option<Behind>; 2]>,
+}
+
+/// A ray behind a second pane.
+pub(super) struct Passed {
+    /// The ray.
+    pub(super) exit: Ray,
+    /// Where it comes out.
+    pub(super) surface: SurfaceId,
+    /// What the pane lets through.
+    pub(super) transmittance: DVec3,
+}
+
+fn number(face: Face) -> usize {
+    match face {
+        Face::Front => 0,
+        Face::Back => 1,
+    }
+}
+
+impl SecondPanes {
+    pub(super) fn new(scene: &Scene) -> Self {
+        let panes = scene.panes();
+        let boxes: Vec<[DVec3; 2]> = panes.iter().map(Pane::world_bounds).collect();
+        let index = BoxIndex::over(boxes.clone());
+        let of_pane = |(number, pane): (usize, &Pane)| {
+            let z = pane.frame.vector_to_world(DVec3::Z);
+            [-1.0, 1.0].map(|towards_viewer: f64| {
+                let way = z * (-towards_viewer * MOST_APART);
+                let [min, max] = boxes[number];
+                let mut behind: Option<Behind> = None;
+                index.overlapping(&[min.min(min + way), max.max(max + way)], |other| {
+                    let second = &panes[other as usize];
+                    if other as usize != number && is_beyond(pane, second, -towards_viewer) {
+                        let found = behind.get_or_insert_default();
+                        found.change = found.change.max(change(second));
+                        found.thickness = found.thickness.max(second.thickness);
+                    }
+                    true
+                });
+                behind
+            })
+        };
+        Self { behind: panes.iter().enumerate().map(of_pane).collect() }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.behind.iter().flatten().all(Option::is_none)
+    }
+
+    /// What is behind a pane as seen from the side of `near`.
+    pub(super) fn behind(&self, pane: u32, near: Face) -> Option<&Behind> {
+        self.behind[pane as usize][number(near)].as_ref()
+    }
+
+    /// The panes that have another behind one of their faces.
+    pub(super) fn first_panes(&self) -> impl Iterator<Item = u32> {
+        (0u32..).zip(&self.behind).filter(|(_, faces)| faces.iter().any(Option::is_some)).map(|(pane, _)| pane)
+    }
+
+    /// The panes through which, and through another behind, light of a region may come to a point.
+    pub(super) fn candidates(&self, scene: &Scene, from: DVec3, region: &LightRegion) -> Panes {
+        let first = |pane: &u32| self.behind[*pane as usize].iter().any(Option::is_some);
+        match *region {
+            LightRegion::Cap { direction, chord } => {
+                let change = self.behind.iter().flatten().flatten().map(|behind| behind.change).fold(0.0, f64::max);
+                // At grazing angles, the part along the normal changes most.
+                let chord = chord + (change * change + 2.0 * change).sqrt();
+                let seen = scene.pane_tree().candidates(from, &LightRegion::Cap { direction, chord });
+                seen.into_iter().filter(first).collect()
+            }
+            LightRegion::Ball { .. } => self.first_panes().collect(),
+        }
+    }
+
+    /// What becomes of a ray that has come out of a pane and meets another; `None` where nothing comes through.
+    pub(super) fn pass(
+        scene: &Scene,
+        ray: &Ray,
+        ray_origin: SurfaceId,
+        light: Polarisation,
+        counters: &mut Counters,
+    ) -> Option<Passed> {
+        let hit = scene.accelerator().closest_hit(ray, MOST_APART, ray_origin, counters)?;
+        let Surface::Pane { index, .. } = hit.surface else { return None };
+        if scene.blocked_by_light(ray, hit.distance, None) {
+            return None;
+        }
+        let pane = &scene.panes()[index as usize];
+        let frame = &pane.frame;
+        let origin = frame.point_to_local(ray.origin);
+        let side = PaneSide::facing(pane, origin)?;
+        let local = Ray::new(origin, frame.vector_to_local(ray.direction));
+        let light = light.turned(|axis| frame.vector_to_local(axis));
+        let through = side.transmit_polarised(&local, light, counters)?;
+        if !coverage::steep(&side, [local.direction, through.inner_direction, through.direction]) {
+            return None;
+        }
+        let [entry, leaving] = [through.entry, through.exit].map(|place| frame.point_to_world(place));
+        let inner = leaving - entry;
+        let length = inner.length();
+        let within = SurfaceId::Pane { index, face: side.near };
+        if scene.blocked(&Ray::new(entry, inner / length), length, within, Some(index), None, counters) {
+            return None;
+        }
+        Some(Passed {
+            exit: Ray::new(leaving, frame.vector_to_world(through.direction)),
+            surface: SurfaceId::Pane { index, face: side.far },
+            transmittance: through.transmittance,
+        })
+    }
+
+    /// Whether a path goes through two panes, the second close behind the first.
+    pub(super) fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>) -> bool {
+        let [_, leaving, entering, _] = path.links else { return false };
+        let (first, second) = path.links.split_at(2);
+        let before = SpecularPath { links: first, last_direction: entering.direction, ..*path };
+        let Some(pane) = coverage::through_one_pane(scene, point, &before) else { return false };
+        let SurfaceId::Pane { face: near, .. } = first[0].surface else { return false };
+        let between = ShadingPoint { position: leaving.position, ..*point };
+        let behind = SpecularPath { links: second, ..*path };
+        self.behind(pane, near).is_some()
+            && leaving.position.distance(entering.position) <= MOST_APART
+            && coverage::through_one_pane(scene, &between, &behind).is_some()
+    }
+}
+
+impl Behind {
+    /// Bounds on where light may come from that a second pane bends towards a light, both in the frame of the first
+    /// pane; `None` where it may come from anywhere.
+    pub(super) fn widened(&self, bounds: &SourceBounds, origin: DVec3) -> Option<SourceBounds> {
+        match *bounds {
+            SourceBounds::Cap { direction, sin_radius } => {
+                let sin_radius = sin_radius + self.chord(direction, sin_radius)?;
+                (sin_radius < 1.0).then_some(SourceBounds::Cap { direction, sin_radius })
+            }
+            SourceBounds::Ball { centre, radius } => {
+                let offset = centre - origin;
+                let distance = offset.length();
+                let chord = self.chord(offset / distance, (radius / distance).min(1.0))?;
+                // A plate moves light along its face by less than three times its thickness up to 71 degrees.
+                Some(SourceBounds::Ball { centre, radius: radius + 3.0 * self.thickness + 2.0 * distance * chord })
+            }
+        }
+    }
+
+    /// How far apart directions before and behind the second pane may be, as a chord. It stands nearly parallel to the
+    /// first, to which `direction` belongs.
+    fn chord(&self, direction: DVec3, spread: f64) -> Option<f64> {
+        if self.change == 0.0 {
+            return Some(0.0);
+        }
+        let tangential = direction.truncate().length() + spread + self.change + PARALLEL;
+        let steepness = tangential / (1.0 - tangential * tangential).max(0.0).sqrt();
+        let chord = self.change * (1.0 + steepness * steepness).sqrt();
+        chord.is_finite().then_some(chord)
+    }
+}
+
+/// Panes whose normals differ by no more than this chord stand parallel.
+const PARALLEL: f64 = 0.2;
+
+/// Whether a pane stands parallel to another and reaches beyond it, towards the sign of its z.
+fn is_beyond(first: &Pane, second: &Pane, sign: f64) -> bool {
+    let normals = [first, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
+    let across = normals[0].cross(normals[1]).length();
+    let [min, max] = second.local_bounds();
+    let middle = second.frame.point_to_world(0.5 * (min + max));
+    let height = first.frame.point_to_local(middle).z - 0.5 * first.thickness;
+    across <= PARALLEL && height * sign > 0.5 * (first.thickness + second.thickness)
+}
+
+/// The largest change of the tangential part of a direction in a pane.
+fn change(pane: &Pane) -> f64 {
+    let slope = |face| {
+        let [x, y] = pane.bounds(face).gradient.map(|slope| slope.magnitude());
+        (x * x + y * y).sqrt()
+    };
+    let n = pane.index_of_refraction;
+    (n * n - 1.0).max(0.0).sqrt() * (slope(Face::Front) + slope(Face::Back))
+}
