@@ -43,8 +43,8 @@ pub enum OutlineError {
     },
     /// The outline turns to the right, crosses itself or stands still.
     #[error(
-        "corner {index} at {}, {}: the outline must turn to the left at each corner (counterclockwise and convex), once \
-         around", at.x, at.y
+        "corner {index} at {}, {}: the outline must turn to the left at each corner (counterclockwise and convex), \
+         once around", at.x, at.y
     )]
     NotConvex {
         /// Number of the corner, from 0.

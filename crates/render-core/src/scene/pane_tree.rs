@@ -1,10 +1,10 @@
 //! Which panes light can come through at all: a tree over the panes of a scene that leaves out most of them at once.
 //!
-//! A pane bends light by a bounded angle. Let g1 and g2 be the gradients of its faces. Let a and w be the directions of a
-//! ray before and behind it, and a_t and w_t their parts along the pane. Then `w_t - a_t = k2 g2 - k1 g1`. The strengths
-//! k depend on the index and on the angle of incidence alone. So the direction from the point to the pane, bent like
-//! this, is nearly that from the pane to the light. Small panes bend all light nearly alike, so this leaves few of them.
-//! All angles are compared as chords between unit vectors, which add up like them or to less.
+//! A pane bends light by a bounded angle. Let g1 and g2 be the gradients of its faces. Let a and w be the directions of
+//! a ray before and behind it, and a_t and w_t their parts along the pane. Then `w_t - a_t = k2 g2 - k1 g1`. The
+//! strengths k depend on the index and on the angle of incidence alone. So the direction from the point to the pane,
+//! bent like this, is nearly that from the pane to the light. Small panes bend all light nearly alike, so this leaves
+//! few of them. All angles are compared as chords between unit vectors, which add up like them or to less.
 //!
 //! Where a pane mirrors light, a normal of its face halves the angle between the directions to the point and to the
 //! light. So their sum has a tangential part of at most the largest slope times its part along the pane's normal. Over

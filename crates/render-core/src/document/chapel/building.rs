@@ -1,9 +1,16 @@
 //! What is not window: floor, plain walls, vault, ribs, altar, benches and candles.
 
-use super::{GABLE, LENGTH, SPRINGING, WIDTH};
 use crate::document::triangles::{Triangles, rounded};
 use crate::scene::description::MeshDescription;
 use crate::settings::Triple;
+
+/// Inside of the chapel, metres: x from the north wall to the south, y from the west wall to the east.
+pub(super) const WIDTH: f64 = 6.0;
+pub(super) const LENGTH: f64 = 10.0;
+
+/// The height at which the vault begins, and that of the gables, metres.
+pub(super) const SPRINGING: f64 = 4.2;
+pub(super) const GABLE: f64 = 8.4;
 
 /// Where candles stand on the altar, metres.
 pub(super) const CANDLES: [[f64; 2]; 2] = [[2.4, 9.1], [3.6, 9.1]];

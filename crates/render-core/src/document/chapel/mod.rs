@@ -14,14 +14,6 @@ use crate::settings::{SCENE_FORMAT_VERSION, Triple};
 use crate::specular::registry::IntegratorDescription;
 use crate::texture::ColourDescription;
 
-/// Inside of the chapel, metres: x from the north wall to the south, y from the west wall to the east.
-const WIDTH: f64 = 6.0;
-const LENGTH: f64 = 10.0;
-
-/// The height at which the vault begins, and that of the gables, metres.
-const SPRINGING: f64 = 4.2;
-const GABLE: f64 = 8.4;
-
 /// The chapel, metres, z up.
 pub fn chapel() -> SceneDescription {
     SceneDescription {

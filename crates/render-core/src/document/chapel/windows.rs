@@ -7,7 +7,7 @@ use clerestory_glazing::{
     WeightedGlass, WindowDesign,
 };
 
-use super::{GABLE, LENGTH, SPRINGING, WIDTH};
+use super::building::{GABLE, LENGTH, SPRINGING, WIDTH};
 use crate::scene::window::{GlassColour, GlassDescription, GlassSheet, OuterGlazing, WindowDescription};
 
 /// From the middle of the glass to the inner face of the wall, metres.

@@ -1,7 +1,7 @@
 //! Colours of historical glass.
 //!
-//! Three channels stand for a spectrum. Linear Rec. 709 has no colour as pure as cobalt or ruby glass. Light through two
-//! coloured glasses is not that of their spectra.
+//! Three channels stand for a spectrum. Linear Rec. 709 has no colour as pure as cobalt or ruby glass. Light through
+//! two coloured glasses is not that of their spectra.
 
 use std::fmt;
 
@@ -154,7 +154,7 @@ pub const COLOURS: [HistoricalColour; 13] = [
     HistoricalColour {
         name: "silver_stain",
         tint: Tint { body: [140.0, 95.0, 170.0], flash: [0.0; 3], stain: [0.06, 0.35, 2.6] },
-        provenance: "silver (Ag0) stain on potash glass, from the 14th century on, band at 400 to 430 nm, about half of \
+        provenance: "silver (Ag0) stain on potash glass, from the 14th century on, band at 400 to 430 nm, about half \
                      the light (rule of thumb: 40 to 60 %)",
     },
 ];
