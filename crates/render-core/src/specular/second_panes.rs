@@ -12,8 +12,13 @@ use crate::scene::pane_tree::{LightRegion, Panes};
 use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::counters::Counters;
 
-/// Largest distance that light travels between both panes, metres.
+/// Largest distance that light travels between both panes, as a part of the longest edge of the larger one.
 const MOST_APART: f64 = 0.5;
+
+/// Largest distance that light travels between two panes, metres.
+fn reach(first: &Pane, second: &Pane) -> f64 {
+    MOST_APART * first.size().max(second.size()).max_element()
+}
 
 /// What may lie behind a pane, as seen from the side of one face.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,10 +58,11 @@ impl SecondPanes {
         let panes = scene.panes();
         let boxes: Vec<[DVec3; 2]> = panes.iter().map(Pane::world_bounds).collect();
         let index = BoxIndex::over(boxes.clone());
+        let longest = panes.iter().map(|pane| pane.size().max_element()).fold(0.0, f64::max);
         let of_pane = |(number, pane): (usize, &Pane)| {
             let z = pane.frame.vector_to_world(DVec3::Z);
             [-1.0, 1.0].map(|towards_viewer: f64| {
-                let way = z * (-towards_viewer * MOST_APART);
+                let way = z * (-towards_viewer * MOST_APART * longest);
                 let [min, max] = boxes[number];
                 let mut behind: Option<Behind> = None;
                 index.overlapping(&[min.min(min + way), max.max(max + way)], |other| {
@@ -106,17 +112,18 @@ impl SecondPanes {
     /// What becomes of a ray that has come out of a pane and meets another; `None` where nothing comes through.
     pub(super) fn pass(
         scene: &Scene,
+        first: &Pane,
         ray: &Ray,
         ray_origin: SurfaceId,
         light: Polarisation,
         counters: &mut Counters,
     ) -> Option<Passed> {
-        let hit = scene.accelerator().closest_hit(ray, MOST_APART, ray_origin, counters)?;
+        let hit = scene.accelerator().closest_hit(ray, f64::INFINITY, ray_origin, counters)?;
         let Surface::Pane { index, .. } = hit.surface else { return None };
-        if scene.blocked_by_light(ray, hit.distance, None) {
+        let pane = &scene.panes()[index as usize];
+        if hit.distance > reach(first, pane) || scene.blocked_by_light(ray, hit.distance, None) {
             return None;
         }
-        let pane = &scene.panes()[index as usize];
         let frame = &pane.frame;
         let origin = frame.point_to_local(ray.origin);
         let side = PaneSide::facing(pane, origin)?;
@@ -146,11 +153,13 @@ impl SecondPanes {
         let (first, second) = path.links.split_at(2);
         let before = SpecularPath { links: first, last_direction: entering.direction, ..*path };
         let Some(pane) = coverage::through_one_pane(scene, point, &before) else { return false };
+        let SurfaceId::Pane { index: second_pane, .. } = entering.surface else { return false };
+        let apart = reach(&scene.panes()[pane as usize], &scene.panes()[second_pane as usize]);
         let SurfaceId::Pane { face: near, .. } = first[0].surface else { return false };
         let between = ShadingPoint { position: leaving.position, ..*point };
         let behind = SpecularPath { links: second, ..*path };
         self.behind(pane, near).is_some()
-            && leaving.position.distance(entering.position) <= MOST_APART
+            && leaving.position.distance(entering.position) <= apart
             && coverage::through_one_pane(scene, &between, &behind).is_some()
     }
 }
