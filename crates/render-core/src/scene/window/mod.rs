@@ -1,7 +1,7 @@
 //! Leaded windows: a few lines of a scene file that become panes, lead, iron and stone.
 //!
 //! The crate `clerestory-glazing` plans a window in its plane: lights, pieces, cames and bars. Here the plan gets its
-//! place in the world, and its pieces get glass: each is cut from a sheet, as glaziers did ([`super::sheet`]).
+//! place in the world, and its pieces get glass: each is cut from a sheet, as glaziers did.
 
 mod colour;
 mod description;
