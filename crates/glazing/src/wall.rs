@@ -90,15 +90,19 @@ impl Wall {
         let widened = |depth: f64, splay: f64, member: &str| {
             let straight = (0.5 * frame_depth).max(REBATE).min(depth);
             let by = (depth - straight) * libm::tan(splay.to_radians());
-            let outline = opening.inset(-by).map(|outline| outline.polygon_with(&segments));
+            // Stretched along both axes: the outline at a distance outside need not exist beside a hollow arc.
+            let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+            let outline: Vec<DVec2> =
+                edge.iter().map(|corner| middle + (*corner - middle) * ((half + by) / half)).collect();
             let fits = |corner: &DVec2| {
                 let left = (*corner - min).min(max - *corner);
                 left.min_element() >= LEAST_STONE
             };
-            let outline = outline.filter(|outline| outline.iter().all(fits)).ok_or_else(|| {
+            if !outline.iter().all(fits) {
                 let found = format!("{splay} degrees, which widen the opening by {by:.3} m");
-                GlazingError::new(join(path, member), found, "less, or more wall on every side of the opening")
-            })?;
+                let expected = "less, or more wall on every side of the opening";
+                return Err(GlazingError::new(join(path, member), found, expected));
+            }
             Ok((straight, outline))
         };
         let (straight, inner) = widened(self.inside, self.splay, "splay")?;
@@ -113,5 +117,27 @@ impl Wall {
         }
         let outline = vec![min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)];
         Ok(PlannedWall { outline, hole })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::WindowDesign;
+    use crate::opening::{Arch, Head, Opening};
+
+    #[test]
+    fn every_head_has_a_wall_whose_hole_widens_to_both_faces() {
+        for name in Head::NAMES {
+            let head = Head::usual(name, 0.7).unwrap();
+            let mut design = WindowDesign::new(Opening::Arch(Arch { width: 0.7, height: 1.9, head }));
+            design.wall = Some(Wall::default());
+            let wall = design.plan().unwrap_or_else(|error| panic!("{name}: {error}")).wall.unwrap();
+            let widths: Vec<f64> =
+                wall.hole.iter().map(|(_, edge)| polygon::bounds(edge)).map(|[a, b]| b.x - a.x).collect();
+            assert_eq!(widths.len(), 4);
+            assert!(widths[0] > widths[1] && (widths[1] - 0.7).abs() < 1e-9 && widths[3] > widths[2], "{widths:?}");
+        }
+        assert!(Head::usual("gothic", 1.0).is_none());
     }
 }

@@ -13,7 +13,9 @@ use clerestory_glazing::{
 use clerestory_render_core::document::window_scene::{window_of, window_scene};
 use clerestory_render_core::document::{Override, SceneDescription, apply};
 use clerestory_render_core::scene::SceneError;
-use clerestory_render_core::scene::window::{GlassDescription, OuterGlazing, WindowDescription, expand, plan};
+use clerestory_render_core::scene::window::{
+    GlassColour, GlassDescription, OuterGlazing, WindowDescription, expand, plan,
+};
 use clerestory_render_core::settings::JsonPath;
 
 use crate::failure::Failure;
@@ -138,9 +140,21 @@ impl WindowArguments {
         };
         design.seed = self.seed;
         design.wall = Some(Wall::default());
-        let mut window = window_of(design, BTreeMap::new());
+        let mut window = window_of(design, self.kinds());
         window.outer = self.outer.then(|| OuterGlazing { distance: 0.06, glass: GlassDescription::float() });
         window
+    }
+
+    /// Undivided lights are larger than sheets of old glass were.
+    fn kinds(&self) -> BTreeMap<String, GlassDescription> {
+        if self.filling != "plain" {
+            return BTreeMap::new();
+        }
+        let flat = |name: &String| {
+            let colour = GlassColour::Named(name.clone());
+            (name.clone(), GlassDescription { colour, ..GlassDescription::float() })
+        };
+        self.glass.iter().map(flat).collect()
     }
 
     fn filling(&self) -> Filling {
