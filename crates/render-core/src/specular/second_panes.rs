@@ -96,17 +96,20 @@ impl SecondPanes {
 
     /// The panes through which, and through another behind, light of a region may come to a point.
     pub(super) fn candidates(&self, scene: &Scene, from: DVec3, region: &LightRegion) -> Panes {
-        let first = |pane: &u32| self.behind[*pane as usize].iter().any(Option::is_some);
-        match *region {
-            LightRegion::Cap { direction, chord } => {
-                let change = self.behind.iter().flatten().flatten().map(|behind| behind.change).fold(0.0, f64::max);
-                // At grazing angles, the part along the normal changes most.
-                let chord = chord + (change * change + 2.0 * change).sqrt();
-                let seen = scene.pane_tree().candidates(from, &LightRegion::Cap { direction, chord });
-                seen.into_iter().filter(first).collect()
+        let all = || self.behind.iter().flatten().flatten();
+        let change = all().map(|behind| behind.change).fold(0.0, f64::max);
+        // At grazing angles, the part along the normal changes most.
+        let most = (change * change + 2.0 * change).sqrt();
+        let region = match *region {
+            LightRegion::Cap { direction, chord } => LightRegion::Cap { direction, chord: chord + most },
+            LightRegion::Ball { centre, radius } => {
+                let thickness = all().map(|behind| behind.thickness).fold(0.0, f64::max);
+                let radius = radius + displacement(thickness) + 2.0 * centre.distance(from) * most;
+                LightRegion::Ball { centre, radius }
             }
-            LightRegion::Ball { .. } => self.first_panes().collect(),
-        }
+        };
+        let is_first = |pane: &u32| self.behind[*pane as usize].iter().any(Option::is_some);
+        scene.pane_tree().candidates(from, &region).into_iter().filter(is_first).collect()
     }
 
     /// What becomes of a ray that has come out of a pane and meets another; `None` where nothing comes through.
@@ -177,8 +180,8 @@ impl Behind {
                 let offset = centre - origin;
                 let distance = offset.length();
                 let chord = self.chord(offset / distance, (radius / distance).min(1.0))?;
-                // A plate moves light along its face by less than three times its thickness up to 71 degrees.
-                Some(SourceBounds::Ball { centre, radius: radius + 3.0 * self.thickness + 2.0 * distance * chord })
+                let radius = radius + displacement(self.thickness) + 2.0 * distance * chord;
+                Some(SourceBounds::Ball { centre, radius })
             }
         }
     }
@@ -194,6 +197,11 @@ impl Behind {
         let chord = self.change * (1.0 + steepness * steepness).sqrt();
         chord.is_finite().then_some(chord)
     }
+}
+
+/// By how much a plate moves light along its face, at most: up to 71 degrees, three times its thickness.
+fn displacement(thickness: f64) -> f64 {
+    3.0 * thickness
 }
 
 /// Panes whose normals differ by no more than this chord stand parallel.
