@@ -12,7 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::fresnel::{Refraction, reflect, refract};
 use super::polarisation::{Fresnel, Polarisation};
-use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Mirrored, Normals, SurfacePoint, sample_delta};
+use super::{
+    Bsdf, BsdfSample, Crossing, DeltaBsdf, Interior, MaterialSettings, Mirrored, Normals, SurfacePoint, sample_delta,
+};
 use crate::exchange::SurfaceModel;
 use crate::settings::check::{check_range, check_triple};
 use crate::settings::{Check, JsonPath, Triple, is_default};
@@ -32,10 +34,17 @@ pub struct DielectricMaterial {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(inner(range(min = 0.0, max = MAX_ABSORPTION)))]
     pub absorption: Triple,
+    /// Where bodies overlap, the place belongs to the one with the highest priority, -1000 to 1000.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(range(min = -1000, max = 1000))]
+    pub priority: i32,
 }
 
 /// Largest absorption, per metre.
 pub(super) const MAX_ABSORPTION: f64 = 1e9;
+
+/// Largest priority of a body, and least with the other sign.
+pub(crate) const MAX_PRIORITY: i32 = 1000;
 
 /// Index of refraction of crown glass.
 pub(crate) fn crown_glass() -> f64 {
@@ -45,7 +54,8 @@ pub(crate) fn crown_glass() -> f64 {
 impl MaterialSettings for DielectricMaterial {
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
-        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))
+        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))?;
+        check_priority(self.priority, path)
     }
 
     fn is_delta(&self) -> bool {
@@ -61,7 +71,8 @@ impl MaterialSettings for DielectricMaterial {
     }
 
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
-        Arc::new(Dielectric { index_of_refraction: self.index_of_refraction, absorption: self.absorption.into() })
+        let (index_of_refraction, absorption) = (self.index_of_refraction, self.absorption.into());
+        Arc::new(Dielectric { index_of_refraction, absorption, priority: self.priority })
     }
 }
 
@@ -72,6 +83,13 @@ pub(super) struct Dielectric {
     pub(super) index_of_refraction: f64,
     /// What the body behind it absorbs, per metre.
     pub(super) absorption: DVec3,
+    /// That of the body behind it.
+    pub(super) priority: i32,
+}
+
+/// Checks the member `priority` of what `path` names.
+pub(crate) fn check_priority(priority: i32, path: &JsonPath<'_>) -> Check {
+    check_range(priority, -MAX_PRIORITY, MAX_PRIORITY, &path.member("priority"))
 }
 
 impl DeltaBsdf for Dielectric {
@@ -113,6 +131,15 @@ impl Bsdf for Dielectric {
 
     fn absorption(&self) -> DVec3 {
         self.absorption
+    }
+
+    fn interior(&self) -> Option<Interior> {
+        let Self { index_of_refraction, absorption, priority } = *self;
+        Some(Interior { index_of_refraction, absorption, priority })
+    }
+
+    fn between(&self, ratio: f64) -> Option<Arc<dyn Bsdf>> {
+        Some(Arc::new(Self { index_of_refraction: ratio, ..*self }))
     }
 
     fn transmits(&self) -> bool {

@@ -16,7 +16,7 @@ use super::profile;
 use super::sheet::{SheetDescription, check_sheet, face_name};
 use super::waves::MAX_CELLS;
 use super::window::check_windows;
-use crate::bsdf::MaterialDescription;
+use crate::bsdf::{MaterialDescription, check_priority};
 use crate::settings::Check;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
@@ -291,6 +291,7 @@ fn check_pane(pane: &PaneDescription, sheets: &BTreeMap<String, SheetDescription
     check_above(pane.thickness, 0.0, 1.0, &path.member("thickness"))?;
     check_range(pane.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
     check_triple(pane.absorption, 0.0, 1e9, &path.member("absorption"))?;
+    check_priority(pane.priority, path)?;
     pane.check_cut(sheets, path)?;
     let face = SizedFace { width: pane.width, height: pane.height, relief: pane.thickness };
     check_profile(&pane.front, &face, &path.member("front"))?;

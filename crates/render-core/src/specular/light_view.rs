@@ -104,7 +104,7 @@ impl<'a> LightView<'a> {
         let region = LightRegion::of_light(source);
         let candidates =
             if source.is_delta() { Panes::new() } else { scene.pane_tree().candidates(point.position, &region) };
-        for index in candidates {
+        for index in candidates.into_iter().filter(|index| !scene.media().is_immersed(*index)) {
             let pane = &scene.panes()[index as usize];
             let origin = pane.frame.point_to_local(point.position);
             let Some(side) = PaneSide::facing(pane, origin) else { continue };

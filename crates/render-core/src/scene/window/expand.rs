@@ -128,6 +128,7 @@ impl Glazier<'_> {
             front: Default::default(),
             back: Default::default(),
             crossing: FaceCrossing::default(),
+            priority: 0,
         })
     }
 
