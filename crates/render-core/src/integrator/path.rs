@@ -556,6 +556,10 @@ fn through_body(coefficient: DVec3, distance: f64) -> DVec3 {
 }
 
 #[cfg(test)]
+mod furnace_tests;
+#[cfg(test)]
+mod media_tests;
+#[cfg(test)]
 mod opacity_tests;
 #[cfg(test)]
 mod shining;
