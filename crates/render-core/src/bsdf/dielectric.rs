@@ -1,4 +1,5 @@
-//! The boundary between air and a clear dielectric, such as glass or water.
+//! The boundary of a body of a clear dielectric, such as glass or water. Around it is air, or another body
+//! (`scene/media.rs`).
 //!
 //! The two normals of a point may disagree so much that a reflected ray would go through the surface, or a refracted
 //! one would not. There the surface is black.
@@ -20,8 +21,8 @@ use crate::settings::check::{check_range, check_triple};
 use crate::settings::{Check, JsonPath, Triple, is_default};
 use crate::texture::Bitmaps;
 
-/// A smooth boundary between air and a clear dielectric, such as glass or water: air is on the side to which the
-/// triangles' normals point, from which their corners are seen counterclockwise.
+/// A smooth boundary of a clear dielectric, such as glass or water: the outside is on the side to which the triangles'
+/// normals point, from which their corners are seen counterclockwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -67,7 +68,7 @@ impl MaterialSettings for DielectricMaterial {
     }
 
     fn beyond_model(&self) -> Vec<&'static str> {
-        if self.absorption == [0.0; 3] { Vec::new() } else { vec!["it absorbs nothing"] }
+        beyond_body(self.absorption, self.priority)
     }
 
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
@@ -85,6 +86,12 @@ pub(super) struct Dielectric {
     pub(super) absorption: DVec3,
     /// That of the body behind it.
     pub(super) priority: i32,
+}
+
+/// What a body has beyond the models of other programs.
+pub(super) fn beyond_body(absorption: Triple, priority: i32) -> Vec<&'static str> {
+    let absorbs = (absorption != [0.0; 3]).then_some("it absorbs nothing");
+    absorbs.into_iter().chain((priority != 0).then_some("it has no priority")).collect()
 }
 
 /// Checks the member `priority` of what `path` names.

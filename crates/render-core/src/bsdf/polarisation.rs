@@ -38,7 +38,7 @@ pub struct Mueller {
     pub diagonal: f64,
 }
 
-/// The amplitudes that a smooth face reflects. The axes of s and p and the ray are right-handed before and behind it. So
+/// The amplitudes that a smooth face reflects. The axes of s and p and the ray are right-handed on both sides of it. So
 /// `s` and `p` have opposite signs along the normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fresnel {

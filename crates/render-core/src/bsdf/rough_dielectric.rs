@@ -14,7 +14,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::dielectric::{Dielectric, MAX_ABSORPTION, check_priority, crown_glass};
+use super::dielectric::{Dielectric, MAX_ABSORPTION, beyond_body, check_priority, crown_glass};
 use super::fresnel::{fresnel, reflect, refract};
 use super::microfacet::{Ggx, MIN_ALPHA};
 use super::shading_frame::ShadingFrame;
@@ -24,8 +24,8 @@ use crate::settings::check::{check_range, check_triple};
 use crate::settings::{Check, JsonPath, Triple, is_default};
 use crate::texture::Bitmaps;
 
-/// A rough boundary between air and a clear dielectric, such as ground glass: air is on the side to which the
-/// triangles' normals point, from which their corners are seen counterclockwise.
+/// A rough boundary of a clear dielectric, such as ground glass: the outside is on the side to which the triangles'
+/// normals point, from which their corners are seen counterclockwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -81,7 +81,7 @@ impl MaterialSettings for RoughDielectricMaterial {
     }
 
     fn beyond_model(&self) -> Vec<&'static str> {
-        if self.absorption == [0.0; 3] { Vec::new() } else { vec!["it absorbs nothing"] }
+        beyond_body(self.absorption, self.priority)
     }
 
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {

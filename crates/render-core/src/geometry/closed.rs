@@ -17,8 +17,8 @@ pub(crate) fn is_closed(triangles: impl Iterator<Item = [DVec3; 3]>) -> bool {
     numbers.fold(0, |sum, triangle| sum ^ triangle) == 0
 }
 
-/// Whether a surface bounds a body: it is closed, its triangles face one way on both sides of each edge, and that way is
-/// outwards. As with [`is_closed`], chance may be wrong with probability 2^-64.
+/// Whether a surface bounds a body: it is closed, and its triangles face outwards on both sides of each edge. As
+/// [`is_closed`], it is wrong with probability 2^-64.
 pub(crate) fn is_solid(triangles: impl Iterator<Item = [DVec3; 3]>) -> bool {
     let (mut open, mut volume, mut apex) = (0_u64, 0.0, None);
     for [a, b, c] in triangles {

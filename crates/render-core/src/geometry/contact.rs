@@ -1,7 +1,7 @@
 //! Where the glass of a pane meets something else.
 //!
-//! A ray knows what it is in by what it has crossed. In the glass of a pane that stands apart it looks for nothing else.
-//! So what lies in glass, or exactly on a face, has to be known beforehand.
+//! A ray knows what it is in by what it has crossed. In a pane that stands apart, it looks for nothing else. So
+//! what lies in glass has to be known beforehand.
 //!
 //! The search halves the pane's outline. Bounds on both faces show that most parts hold nothing; in the others it looks
 //! for one point that both share. So whatever is found is true. A contact smaller than [`RIM`] is not found. Once the

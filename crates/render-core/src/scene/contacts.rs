@@ -1,7 +1,7 @@
 //! Which bodies of a scene touch, overlap or hold each other, and which panes a light reaches into.
 //!
 //! A body is a pane, or a mesh of glass or water that has an inside. A mesh that refracts or mirrors light and has no
-//! inside may not stand in the glass of a pane: nothing says what lies behind it there.
+//! inside may not stand in the glass of a pane. Nothing says what lies behind it there.
 
 use std::ops::Range;
 
@@ -24,8 +24,11 @@ const BOXES_FOR_A_PART: usize = 64;
 /// Triangles that share a box: in most meshes, those that follow each other lie side by side.
 const TRIANGLES_IN_A_BOX: usize = 64;
 
-/// Edges of meshes that are compared with other meshes in all. Where there are more, the meshes count as apart.
-const MOST_EDGES: u32 = 1 << 22;
+/// Rays that compare meshes with each other in all: a second's work. What is not settled by then counts as apart.
+const MOST_RAYS: u32 = 1 << 21;
+
+/// Rays that tell whether a point is in a mesh.
+const RAYS_OF_A_POINT: u32 = 3;
 
 /// Corners of a mesh that are looked for in another one.
 const MOST_CORNERS: u32 = 256;
@@ -49,7 +52,7 @@ pub(super) struct Finder<'a> {
     /// Whether each mesh is a body.
     pub(super) is_body: &'a dyn Fn(u32) -> bool,
     parts: u32,
-    edges: u32,
+    rays: u32,
     found: Contacts,
 }
 
@@ -82,7 +85,7 @@ impl<'a> Finder<'a> {
         is_body: &'a dyn Fn(u32) -> bool,
     ) -> Self {
         let found = Contacts::default();
-        Self { accelerator, meshes, mesh_bounds, is_light, is_body, parts: MOST_PARTS, edges: MOST_EDGES, found }
+        Self { accelerator, meshes, mesh_bounds, is_light, is_body, parts: MOST_PARTS, rays: MOST_RAYS, found }
     }
 
     /// All contacts.
@@ -186,7 +189,7 @@ impl<'a> Finder<'a> {
     }
 
     /// Whether a mesh is a body in which a pane stands that is apart from its surface, or the other way round.
-    fn holds(&self, pane: &Pane, mesh: u32) -> bool {
+    fn holds(&mut self, pane: &Pane, mesh: u32) -> bool {
         let place = pane.outline.middle();
         let middle = 0.5 * (pane.front.height(place) + pane.thickness + pane.back.height(place));
         let of_pane = pane.frame.point_to_world(place.extend(middle));
@@ -194,8 +197,9 @@ impl<'a> Finder<'a> {
         (self.is_body)(mesh) && (pane.holds(first) || self.is_in(of_pane, mesh))
     }
 
-    fn is_in(&self, point: DVec3, mesh: u32) -> bool {
+    fn is_in(&mut self, point: DVec3, mesh: u32) -> bool {
         overlap(&self.mesh_bounds[mesh as usize], &[point, point])
+            && self.pays(RAYS_OF_A_POINT)
             && self.accelerator.winding(point, &self.meshes[mesh as usize].triangle_range()) > 0
     }
 
@@ -210,6 +214,13 @@ impl<'a> Finder<'a> {
         );
         let expected = "apart from it: a dielectric without an inside, or a mirror, would be wrong in glass";
         Err(SceneError::value(&path.element(mesh as usize).member("source"), found, expected))
+    }
+
+    /// Pays for rays; false where there are none left.
+    fn pays(&mut self, rays: u32) -> bool {
+        let left = self.rays.checked_sub(rays);
+        self.rays = left.unwrap_or(0);
+        left.is_some()
     }
 
     /// Pays for boxes that are compared with that of a pane.
@@ -236,12 +247,17 @@ impl<'a> Finder<'a> {
 
     /// Whether two meshes that are bodies have a point in common.
     fn meet(&mut self, first: u32, second: u32) -> bool {
-        let corners_in = |one: u32, other: u32| {
-            let triangles = self.meshes[one as usize].triangle_range();
-            let step = (triangles.len() as u32).div_ceil(MOST_CORNERS).max(1);
-            triangles.step_by(step as usize).any(|triangle| self.is_in(self.accelerator.corners(triangle)[0], other))
-        };
-        corners_in(first, second) || corners_in(second, first) || self.cross(first, second) || self.cross(second, first)
+        let pairs = [[first, second], [second, first]];
+        pairs.iter().any(|[one, other]| self.has_corner_in(*one, *other))
+            || pairs.iter().any(|[one, other]| self.cross(*one, *other))
+    }
+
+    /// Whether a corner of one mesh is in the other, of some that are spread over it.
+    fn has_corner_in(&mut self, one: u32, other: u32) -> bool {
+        let triangles = self.meshes[one as usize].triangle_range();
+        let step = (triangles.len() as u32).div_ceil(MOST_CORNERS).max(1);
+        let accelerator = self.accelerator;
+        triangles.step_by(step as usize).any(|triangle| self.is_in(accelerator.corners(triangle)[0], other))
     }
 
     /// Whether an edge of one mesh goes through a triangle of the other.
@@ -253,8 +269,9 @@ impl<'a> Finder<'a> {
             if !overlap(&Shape::Polygon(corners).bounds(), around) {
                 continue;
             }
-            let Some(left) = self.edges.checked_sub(3) else { return false };
-            self.edges = left;
+            if !self.pays(3) {
+                return false;
+            }
             let goes_through = |from: DVec3, to: DVec3| {
                 let length = from.distance(to);
                 let mut is_met = false;
@@ -284,3 +301,6 @@ pub(super) fn lit_panes(panes: &[Pane], lights: &[Light]) -> Vec<u32> {
     }
     lit
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,4 +1,5 @@
-//! Refuses places at which light would be lost silently: a sphere light shines outwards, so that no camera may be in one.
+//! Refuses places at which light would be lost silently. A sphere light shines outwards, so that no camera may be in
+//! one.
 
 use std::fmt;
 

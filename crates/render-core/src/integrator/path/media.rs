@@ -4,8 +4,8 @@
 //! higher body is around both, or both media are equal, the path goes straight on.
 //!
 //! Where one body ends within [`RIM`] of the place where the next one begins, a film of what is around both lies
-//! between them: air between panes that lie on each other. Light that is reflected within the film is summed, so that
-//! such a place is one vertex, wherever rounding puts the two faces. What is left of the film is no wider than [`RIM`].
+//! between them. Between panes that lie on each other it is air. Light that is reflected within the film is summed. So
+//! such a place is one vertex, wherever rounding puts the two faces.
 
 use glam::DVec3;
 
