@@ -2,37 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::media_tests::{block, clear, pane, vessel};
+use super::media_tests::{ball, block, clear, pane, vessel};
 use super::tests::{EDGE, SAMPLES, mean};
-
-/// A ball of triangles that lies on z = `low`.
-fn ball(name: &str, material: &str, centre: [f64; 2], radius: f64, low: f64) -> Value {
-    let (rings, around) = (8, 16);
-    let turn = |part: f64| libm::sincos(part * std::f64::consts::PI);
-    let mut positions = vec![[centre[0], centre[1], low]];
-    for ring in 1..rings {
-        let (sin, cos) = turn(f64::from(ring) / f64::from(rings));
-        positions.extend((0..around).map(|step| {
-            let (y, x) = turn(2.0 * f64::from(step) / f64::from(around));
-            [centre[0] + radius * sin * x, centre[1] + radius * sin * y, low + radius * (1.0 - cos)]
-        }));
-    }
-    positions.push([centre[0], centre[1], low + 2.0 * radius]);
-    let at = |ring: i32, step: i32| match ring {
-        0 => 0,
-        ring if ring == rings => positions.len() as i32 - 1,
-        ring => 1 + (ring - 1) * around + step % around,
-    };
-    let quads = (0..rings).flat_map(|ring| (0..around).map(move |step| (ring, step)));
-    let triangles: Vec<[i32; 3]> = quads
-        .flat_map(|(ring, step)| {
-            let [a, b, c, d] = [at(ring, step), at(ring, step + 1), at(ring + 1, step + 1), at(ring + 1, step)];
-            [[a, c, b], [a, d, c]]
-        })
-        .filter(|[a, b, c]| a != b && b != c && a != c)
-        .collect();
-    json!({"name": name, "material": material, "source": {"inline": {"positions": positions, "triangles": triangles}}})
-}
 
 fn furnace(meshes: &[Value], panes: &[Value], method: &str) -> Value {
     let mut materials = clear();
@@ -67,15 +38,15 @@ fn bodies_that_meet_cannot_be_seen_in_a_white_furnace() {
         ("overlapping panes", vec![], vec![wide("one", 0.0), wide("two", 0.002), wide("three", 0.0045)]),
         ("a pane half in water", vec![sea], vec![wide("pane", 0.0985)]),
         ("a pane with its edge in what goes before it", vec![hidden], vec![pane("pane", 0.0, 0.1)]),
-        ("a ball on a pane", vec![ball("ball", "glass", [0.0, 0.0], 0.1, 0.003)], vec![wide("pane", 0.0)]),
+        ("a ball on a pane", vec![ball("ball", "glass", [0.0, 0.0], 0.1, 0.003, 8)], vec![wide("pane", 0.0)]),
         ("a block on a pane", vec![block("block", "glass", 0.1, [0.003, 0.1])], vec![wide("pane", 0.0)]),
         (
             "balls in water",
             vec![
                 water(),
-                ball("ball", "glass", [0.03, 0.02], 0.07, -0.05),
-                ball("bubble", "air", [0.03, 0.05], 0.03, -0.03),
-                ball("half out", "glass", [0.0, -0.05], 0.06, 0.05),
+                ball("ball", "glass", [0.03, 0.02], 0.07, -0.05, 8),
+                ball("bubble", "air", [0.03, 0.05], 0.03, -0.03, 8),
+                ball("half out", "glass", [0.0, -0.05], 0.06, 0.05, 8),
             ],
             vec![],
         ),

@@ -33,6 +33,35 @@ pub(super) fn vessel(name: &str, material: &str, [outer, inner]: [(f64, [f64; 2]
     json!({"name": name, "material": material, "source": {"inline": inline}})
 }
 
+/// A ball of triangles that lies on z = `low`.
+pub(super) fn ball(name: &str, material: &str, centre: [f64; 2], radius: f64, low: f64, rings: i32) -> Value {
+    let around = 2 * rings;
+    let turn = |part: f64| libm::sincos(part * std::f64::consts::PI);
+    let mut positions = vec![[centre[0], centre[1], low]];
+    for ring in 1..rings {
+        let (sin, cos) = turn(f64::from(ring) / f64::from(rings));
+        positions.extend((0..around).map(|step| {
+            let (y, x) = turn(2.0 * f64::from(step) / f64::from(around));
+            [centre[0] + radius * sin * x, centre[1] + radius * sin * y, low + radius * (1.0 - cos)]
+        }));
+    }
+    positions.push([centre[0], centre[1], low + 2.0 * radius]);
+    let at = |ring: i32, step: i32| match ring {
+        0 => 0,
+        ring if ring == rings => positions.len() as i32 - 1,
+        ring => 1 + (ring - 1) * around + step % around,
+    };
+    let quads = (0..rings).flat_map(|ring| (0..around).map(move |step| (ring, step)));
+    let triangles: Vec<[i32; 3]> = quads
+        .flat_map(|(ring, step)| {
+            let [a, b, c, d] = [at(ring, step), at(ring, step + 1), at(ring + 1, step + 1), at(ring + 1, step)];
+            [[a, c, b], [a, d, c]]
+        })
+        .filter(|[a, b, c]| a != b && b != c && a != c)
+        .collect();
+    json!({"name": name, "material": material, "source": {"inline": {"positions": positions, "triangles": triangles}}})
+}
+
 fn dielectric(index: f64, absorption: f64, priority: i32) -> Value {
     let mut members = json!({"index_of_refraction": index, "absorption": [absorption, 0, 0]});
     if priority != 0 {
@@ -112,6 +141,9 @@ fn panes_that_touch_have_a_film_of_air_between_them_wherever_rounding_puts_their
     }
 }
 
+/// A name, meshes, panes, and the indices that light meets.
+type Slabs = (&'static str, Vec<Value>, Vec<Value>, Vec<f64>);
+
 #[test]
 fn bodies_that_overlap_are_slabs_of_the_higher_one() {
     let one = [1.0, GLASS, 1.0];
@@ -123,7 +155,7 @@ fn bodies_that_overlap_are_slabs_of_the_higher_one() {
     let bubble = block("bubble", "air", 0.02, [-0.02, 0.01]);
     let nested = [1.0, WATER, GLASS, WATER, 1.0];
     let syrup = block("syrup", "syrup", 0.2, [-0.1, 0.1]);
-    let table: [(&str, Vec<Value>, Vec<Value>, Vec<f64>); 11] = [
+    let table: [Slabs; 11] = [
         ("pane in what goes before it", vec![syrup], vec![pane("pane", 0.0, 0.1)], vec![1.0, WATER, 1.0]),
         ("two panes", vec![], panes(-0.001).to_vec(), one.to_vec()),
         ("three panes", vec![], [&panes(-0.001)[..], &[pane("last", 0.0045, 0.3)]].concat(), one.to_vec()),
@@ -233,28 +265,65 @@ fn a_camera_in_glass_or_water_sees_what_comes_in() {
 
 /// What a camera in water sees of a white sky, through a pane on the water, at an angle to the vertical.
 fn slanted_through(degrees: f64) -> f64 {
-    let sine = WATER * libm::sin(degrees.to_radians());
-    let cosine = |index: f64| (1.0 - (sine / index).powi(2)).sqrt();
-    let of = |amplitude: &dyn Fn(f64, f64) -> f64| {
-        let lost = [(WATER, GLASS), (GLASS, 1.0)].map(|(before, behind)| {
-            let reflected = amplitude(before, behind).powi(2);
+    let sine = libm::sin(degrees.to_radians());
+    WATER * WATER * faces(&[[WATER, GLASS], [GLASS, 1.0]].map(|media| (media, sine * WATER / media[0])))
+}
+
+/// What faces transmit together of unpolarised light, each between two media, by the sine of the angle before it.
+fn faces(faces: &[([f64; 2], f64)]) -> f64 {
+    let transmitted = |is_s: bool| {
+        let lost = faces.iter().map(|([before, behind], sine)| {
+            let [a, b] = [1.0, before / behind].map(|ratio| (1.0 - (sine * ratio).powi(2)).sqrt());
+            let [one, other] = if is_s { [before * a, behind * b] } else { [behind * a, before * b] };
+            let reflected = ((one - other) / (one + other)).powi(2);
             reflected / (1.0 - reflected)
         });
-        1.0 / (1.0 + lost.iter().sum::<f64>())
+        1.0 / (1.0 + lost.sum::<f64>())
     };
-    let s = of(&|a, b| (a * cosine(a) - b * cosine(b)) / (a * cosine(a) + b * cosine(b)));
-    let p = of(&|a, b| (b * cosine(a) - a * cosine(b)) / (b * cosine(a) + a * cosine(b)));
-    WATER * WATER * 0.5 * (s + p)
+    0.5 * (transmitted(true) + transmitted(false))
+}
+
+/// What is reflected returns to the lamp, which is black. So what is left reaches a wall, less what lies beside it.
+#[test]
+fn the_flux_of_a_lamp_in_a_ball_of_glass_in_water_is_conserved() {
+    let (lamp, glass, water, distance) = (0.2, 0.4, 0.5, 1.2);
+    let mut materials = clear();
+    materials["plaster"] = json!({"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}});
+    let meshes = [
+        ball("glass", "glass", [0.0, 0.0], glass, -glass, 40),
+        ball("water", "water", [0.0, 0.0], water, -water, 40),
+        json!({"name": "wall", "material": "plaster", "source": super::tests::square(0.5, distance)}),
+    ];
+    let mut scene = along(&materials, &meshes, &[], true);
+    scene["camera"]["orthographic"]["position"][2] = json!(1.0);
+    scene["camera"]["orthographic"]["look_at"][2] = json!(2.0);
+    scene["lights"] = json!([{"sphere": {
+        "name": "lamp", "centre": [0, 0, 0], "radius": lamp, "radiance": [1, 1, 1]}}]);
+    // The wall and two faces: what the wall sends back is left out.
+    scene["integrator"] = json!({"path": {"max_depth": 3}});
+    let steps = 200;
+    let through: f64 = (0..steps)
+        .map(|step| {
+            let angle = (f64::from(step) + 0.5) / f64::from(steps) * std::f64::consts::FRAC_PI_2;
+            // A ray keeps its index times its distance from the middle.
+            let height = lamp * libm::sin(angle);
+            let of_faces = [([GLASS, WATER], height / glass), ([WATER, 1.0], height / water * GLASS / WATER)];
+            libm::sin(2.0 * angle) * faces(&of_faces)
+        })
+        .sum();
+    let through = through * std::f64::consts::FRAC_PI_2 / f64::from(steps);
+    let expected = 0.5 * through * lamp * lamp / (distance * distance);
+    let (mean, error) = mean(&scene);
+    assert!(error < 0.02 * expected, "no power: {error} of {expected}");
+    assert!((mean - expected).abs() < 4.0 * error + 3e-3 * expected, "{mean} +- {error}, not {expected}");
 }
 
 #[test]
 fn a_lamp_in_glass_is_seen_from_outside() {
     let mut scene = along(&clear(), &[], &[pane("pane", 0.0, 0.3)], true);
-    let lamp = |z: f64| {
-        json!([{"rectangle": {
-            "name": "lamp", "centre": [0, 0, z], "edge_u": [0, 0.1, 0], "edge_v": [0.1, 0, 0], "radiance": [1, 1, 1]}}])
-    };
-    scene["lights"] = lamp(0.002);
+    scene["lights"] = json!([{"rectangle": {
+        "name": "lamp", "centre": [0, 0, 0.002], "edge_u": [0, 0.1, 0], "edge_v": [0.1, 0, 0],
+        "radiance": [1, 1, 1]}}]);
     let through = (1.0 - ((GLASS - 1.0) / (GLASS + 1.0_f64)).powi(2)) / (GLASS * GLASS);
     check("in a pane", &scene, through, 0.002);
     // A wall in the glass is lit by a lamp in the same glass.
