@@ -1,9 +1,12 @@
 //! Bodies that meet, in white surroundings: none of them can be seen, whatever looks for the light.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use super::media_tests::{ball, block, clear, pane, vessel};
 use super::tests::{EDGE, SAMPLES, mean};
+use crate::document::{SceneBundle, SceneDescription};
 
 fn furnace(meshes: &[Value], panes: &[Value], method: &str) -> Value {
     let mut materials = clear();
@@ -24,6 +27,13 @@ fn furnace(meshes: &[Value], panes: &[Value], method: &str) -> Value {
         "panes": panes,
         "lights": [{"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}}]
     })
+}
+
+/// The names of the bodies that meet others.
+fn immersed(scene: &Value) -> String {
+    let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+    let scene = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
+    scene.media().immersed_names(&scene, 9).unwrap_or_default()
 }
 
 #[test]
@@ -60,6 +70,9 @@ fn bodies_that_meet_cannot_be_seen_in_a_white_furnace() {
         ),
     ];
     for (what, meshes, panes) in scenes {
+        let names = immersed(&furnace(&meshes, &panes, "path"));
+        let all = [&meshes[..], &panes].concat();
+        assert!(all.iter().all(|body| names.contains(&body["name"].to_string())), "{what}: only {names} meet others");
         let is_asked = ["touching panes", "a ball on a pane", "balls in water"].contains(&what);
         let methods: &[&str] = if is_asked { &["path", "auto", "cone", "fnee"] } else { &["path"] };
         for method in methods {

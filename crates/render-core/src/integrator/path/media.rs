@@ -267,10 +267,12 @@ impl PathTracer<'_> {
         }
         neighbours.iter().find_map(|other| {
             let (left, entered) = if boundary.enters { (*other, boundary.body) } else { (boundary.body, *other) };
+            if !before.contains(left) {
+                return None;
+            }
             let rest = before.without(left).without(entered);
             let (from, to) = (rest.with(left), rest.with(entered));
-            let is_left = before.contains(left);
-            if !is_left || media.highest(&from) != Some(left) || media.highest(&to) != Some(entered) {
+            if media.highest(&from) != Some(left) || media.highest(&to) != Some(entered) {
                 return None;
             }
             let second = self.face_near(walk.ray.direction, boundary, *other)?;

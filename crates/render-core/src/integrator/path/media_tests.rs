@@ -55,7 +55,7 @@ pub(super) fn ball(name: &str, material: &str, centre: [f64; 2], radius: f64, lo
     let triangles: Vec<[i32; 3]> = quads
         .flat_map(|(ring, step)| {
             let [a, b, c, d] = [at(ring, step), at(ring, step + 1), at(ring + 1, step + 1), at(ring + 1, step)];
-            [[a, c, b], [a, d, c]]
+            [[a, b, c], [a, c, d]]
         })
         .filter(|[a, b, c]| a != b && b != c && a != c)
         .collect();
@@ -314,7 +314,7 @@ fn the_flux_of_a_lamp_in_a_ball_of_glass_in_water_is_conserved() {
     let through = through * std::f64::consts::FRAC_PI_2 / f64::from(steps);
     let expected = 0.5 * through * lamp * lamp / (distance * distance);
     let (mean, error) = mean(&scene);
-    assert!(error < 0.02 * expected, "no power: {error} of {expected}");
+    assert!(error < 0.03 * expected, "no power: {error} of {expected}");
     assert!((mean - expected).abs() < 4.0 * error + 3e-3 * expected, "{mean} +- {error}, not {expected}");
 }
 
