@@ -136,7 +136,10 @@ fn what_refracts_or_mirrors_without_an_inside_is_refused_in_glass() {
 #[test]
 fn a_light_in_a_pane_is_noticed_wherever_it_goes() {
     let point = |z: f64| json!({"point": {"name": "lamp", "position": [0, 0, z], "intensity": [1, 1, 1]}});
-    let sphere = |z: f64, radius: f64| json!({"sphere": {"name": "globe", "centre": [0, 0, z], "radius": radius, "radiance": [1, 1, 1]}});
+    let sphere = |z: f64, radius: f64| {
+        let place = [0.0, 0.0, z];
+        json!({"sphere": {"name": "globe", "centre": place, "radius": radius, "radiance": [1, 1, 1]}})
+    };
     let panes = [pane("pane", [0.0, 0.0, 1.0], 0.3), pane("other", [1.0, 0.0, 1.0], 0.3)];
     let with = |light: Value| immersed(&panes, &[], &[light]);
     assert_eq!(with(point(1.0015)), ["pane"]);
