@@ -46,6 +46,7 @@ pub mod chaos;
 pub mod closed_room;
 pub mod comparisons;
 pub mod connections;
+pub mod cut_sheet;
 pub mod daylit_room;
 pub mod estimate;
 pub mod exr_files;

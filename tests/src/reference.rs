@@ -51,6 +51,15 @@ impl Image {
         sum
     }
 
+    /// The relative mean square error of either of two independent pictures of one scene, of their red light.
+    pub fn relative_error(&self, other: &Self) -> f64 {
+        let error = |(a, b): (&DVec3, &DVec3)| {
+            let mean = 0.5 * (a.x + b.x);
+            0.5 * (a.x - b.x) * (a.x - b.x) / (mean * mean)
+        };
+        self.pixels.iter().zip(&other.pixels).map(error).sum::<f64>() / self.pixels.len() as f64
+    }
+
     /// The picture times `factor`.
     pub fn scaled(mut self, factor: f64) -> Self {
         for pixel in &mut self.pixels {

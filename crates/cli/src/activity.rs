@@ -20,6 +20,9 @@ const QUIET: Duration = Duration::from_secs(1);
 /// Time between two pictures of the spinner.
 const SPINNER_PERIOD: Duration = Duration::from_millis(120);
 
+/// Steps of a bar.
+const BAR_LENGTH: u64 = 1000;
+
 /// Work that a spinner shows on a terminal, and lines elsewhere, when it takes longer than a moment.
 pub(crate) struct Activity {
     /// Dropped when the work ends.
@@ -30,8 +33,8 @@ pub(crate) struct Activity {
 
 /// A message to the thread that shows the work.
 enum Step {
-    /// The next step begins.
-    Begun(String),
+    /// The next step begins. Of a step of many parts, this part is done.
+    Begun(String, Option<f64>),
     /// The work is done.
     Done(&'static str),
 }
@@ -45,19 +48,19 @@ impl Activity {
 
     fn shown_on(output: Output, step: &str) -> Self {
         let (steps, next) = mpsc::channel();
-        let display = Display { step: step.to_owned(), start: Instant::now(), stage: Stage::Quiet, output };
+        let display = Display { step: step.to_owned(), done: None, start: Instant::now(), stage: Stage::Quiet, output };
         let shown = thread::Builder::new().name("activity".to_owned()).spawn(move || display.run(&next)).ok();
         Self { steps: Some(steps), shown }
     }
 
     /// Goes on with another step.
     pub(crate) fn step(&self, step: String) {
-        self.send(Step::Begun(step));
+        self.send(Step::Begun(step, None));
     }
 
     /// Builds a scene, with a step for each of its parts.
     pub(crate) fn build(&self, bundle: &SceneBundle) -> Result<PreparedScene, SceneError> {
-        local_scene::build(bundle, &mut |step| self.step(step.to_string()))
+        local_scene::build(bundle, &mut |step| self.send(Step::Begun(step.to_string(), step.done())))
     }
 
     /// Ends the work. If the work was shown, a line says how long it took.
@@ -100,6 +103,8 @@ struct Output {
 
 struct Display {
     step: String,
+    /// Which part of the step is done, where that is known.
+    done: Option<f64>,
     start: Instant,
     stage: Stage,
     output: Output,
@@ -109,10 +114,10 @@ impl Display {
     fn run(mut self, steps: &Receiver<Step>) {
         loop {
             match steps.recv_timeout(self.pause()) {
-                Ok(Step::Begun(step)) => {
-                    self.step = step;
+                Ok(Step::Begun(step, done)) => {
+                    (self.step, self.done) = (step, done);
                     if let Stage::Spinner(bar) = &self.stage {
-                        bar.set_message(self.step.clone());
+                        self.set(bar);
                     }
                 }
                 Ok(Step::Done(what)) => return self.end(Some(what)),
@@ -131,13 +136,21 @@ impl Display {
         }
     }
 
+    /// Shows the step, with a bar where it is known which part of it is done.
+    fn set(&self, bar: &ProgressBar) {
+        let template =
+            if self.done.is_some() { "{spinner} {bar:24} {msg} ({elapsed})" } else { "{spinner} {msg} ({elapsed})" };
+        bar.set_style(ProgressStyle::with_template(template).expect("the template is well formed"));
+        bar.set_position((self.done.unwrap_or(0.0) * BAR_LENGTH as f64) as u64);
+        bar.set_message(self.step.clone());
+    }
+
     fn show(&mut self) {
         match &mut self.stage {
             Stage::Quiet if self.output.is_terminal => {
-                let style = ProgressStyle::with_template("{spinner} {msg} ({elapsed})");
-                let style = style.expect("the template is well formed");
-                let bar = ProgressBar::with_draw_target(None, bar_target()).with_style(style);
-                let bar = bar.with_elapsed(self.start.elapsed()).with_message(self.step.clone());
+                let bar = ProgressBar::with_draw_target(Some(BAR_LENGTH), bar_target());
+                let bar = bar.with_elapsed(self.start.elapsed());
+                self.set(&bar);
                 bar.tick();
                 self.stage = Stage::Spinner(bar);
             }

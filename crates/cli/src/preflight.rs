@@ -73,22 +73,22 @@ mod tests {
     use std::collections::BTreeMap;
 
     use clerestory_render_core::document::SceneDescription;
-    use serde_json::{Value, json};
+    use serde_json::json;
 
     use super::*;
 
-    /// A scene with panes at these places.
-    fn glazed(places: &[f64]) -> SceneBundle {
-        let pane = |(index, z): (usize, &f64)| {
-            json!({"name": format!("pane {index}"), "centre": [0, 0, z], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
-                "width": 0.5, "height": 0.5, "thickness": 0.004, "front": "flat", "back": "flat"})
-        };
+    /// A scene with a pane and a mirror at this height.
+    fn glazed(mirror: f64) -> SceneBundle {
         let scene = json!({
             "version": 2,
             "name": "panes",
             "film": {"width": 8, "height": 8},
             "camera": {"orthographic": {"position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 1}},
-            "panes": places.iter().enumerate().map(pane).collect::<Vec<Value>>(),
+            "materials": {"silver": {"mirror": {}}},
+            "meshes": [{"name": "mirror", "material": "silver", "source": {"inline": {
+                "positions": [[0, 0, mirror], [0.1, 0, mirror], [0, 0.1, mirror]], "triangles": [[0, 1, 2]]}}}],
+            "panes": [{"name": "pane", "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.5,
+                "height": 0.5, "thickness": 0.004}],
             "lights": [{"sun": {
                 "name": "sun", "direction": [0, 0.2, 1], "angular_radius": 0.267, "radiance": [1, 1, 1]
             }}]
@@ -99,13 +99,13 @@ mod tests {
 
     #[test]
     fn a_scene_is_built_where_there_is_memory_and_otherwise_left_to_a_worker() {
-        let preflight = |machine, places: &[f64]| Preflight::within(machine, &glazed(places));
-        let built = preflight(None, &[1.0]).unwrap();
+        let preflight = |machine, mirror| Preflight::within(machine, &glazed(mirror));
+        let built = preflight(None, 2.0).unwrap();
         assert!(matches!(built, Preflight::Built(scene) if !scene.chosen_methods.is_empty()));
-        let error = preflight(None, &[1.0, 1.0]).err().unwrap();
-        assert_eq!(error.path(), "panes[1].centre");
-        for places in [&[1.0][..], &[1.0, 1.0]] {
-            let left = preflight(Some(1), places).unwrap();
+        let error = preflight(None, 1.002).err().unwrap();
+        assert_eq!(error.path(), "meshes[0].source");
+        for mirror in [2.0, 1.002] {
+            let left = preflight(Some(1), mirror).unwrap();
             assert!(matches!(left, Preflight::TooLarge(error) if error.to_string().contains(WAY_OUT)));
         }
     }

@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
             for (cost, panes) in costs.iter_mut().zip(PANES) {
                 let (first, seconds) = picture(panes, seed, passes)?;
                 let (second, _) = picture(panes, seed + 1, passes)?;
-                let error = relative_error(&first, &second);
+                let error = first.relative_error(&second);
                 *cost = error * seconds;
                 println!("{} x {} panes: relMSE {error:.3e} in {seconds:.2} s", panes[0], panes[1]);
             }
@@ -56,13 +56,4 @@ fn picture(panes: [u32; 2], seed: u64, passes: u32) -> Result<(Image, f64), Box<
         rendering.render_pass()?;
     }
     Ok((rendering.image(), start.elapsed().as_secs_f64()))
-}
-
-/// The relative mean square error of either of two independent pictures.
-fn relative_error(first: &Image, second: &Image) -> f64 {
-    let error = |(a, b): (&glam::DVec3, &glam::DVec3)| {
-        let mean = 0.5 * (a.x + b.x);
-        0.5 * (a.x - b.x) * (a.x - b.x) / (mean * mean)
-    };
-    first.pixels.iter().zip(&second.pixels).map(error).sum::<f64>() / first.pixels.len() as f64
 }

@@ -49,7 +49,9 @@ impl Exported {
         }
         let exported = folder.path().join("exported");
         succeeded(clerestory().args(["export", "--to", "mitsuba"]).arg(&file).arg(&exported));
-        Self { folder, size: scene.size() }
+        let exported = Self { folder, size: scene.size() };
+        scene.corrections.iter().for_each(|correction| exported.plant(correction));
+        exported
     }
 
     fn file(&self, name: &str) -> PathBuf {

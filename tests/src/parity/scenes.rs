@@ -44,6 +44,8 @@ pub struct ParityScene {
     pub samples: u32,
     /// Samples in each pixel of a picture of ours.
     pub our_samples: u32,
+    /// What Mitsuba has to be told of boundaries between two bodies: each is right, and what stands there is not.
+    pub corrections: &'static [Fault],
     /// A fault that must be noticed.
     pub fault: Option<Fault>,
 }
@@ -71,6 +73,7 @@ impl ParityScene {
             textures(),
             mirrors(),
             glass(),
+            nested(),
             pane("path"),
             pane("cone"),
             orthographic(),
@@ -99,7 +102,7 @@ impl ParityScene {
         for (member, value) in things.as_object().into_iter().flatten() {
             description[member] = value.clone();
         }
-        Self { name, description, files: Vec::new(), samples: 32, our_samples: 32, fault: None }
+        Self { name, description, files: Vec::new(), samples: 32, our_samples: 32, corrections: &[], fault: None }
     }
 
     /// The scene in pictures of another height, with a part of their samples. Wide pictures stay wide.
@@ -224,6 +227,39 @@ fn glass() -> ParityScene {
     meshes.push(block("short", "flint", [0.4, 0.2, 0.5], [0.25, 0.2, 0.25], -40.0));
     let mut scene = ParityScene { samples: 64, our_samples: 64, ..ParityScene::new("glass", camera(), &things) };
     scene.description["integrator"]["path"]["max_depth"] = json!(16);
+    scene
+}
+
+/// In air, as exported.
+const FLINT: &str = "<float name=\"int_ior\" value=\"1.7\"/>\n        <float name=\"ext_ior\" value=\"1\"/>";
+
+/// In water.
+const FLINT_IN_WATER: &str =
+    "<float name=\"int_ior\" value=\"1.7\"/>\n        <float name=\"ext_ior\" value=\"1.33\"/>";
+
+/// As exported, a boundary that does nothing.
+const BUBBLE: &str = "<float name=\"int_ior\" value=\"1\"/>\n        <float name=\"ext_ior\" value=\"1\"/>";
+
+const BUBBLE_IN_WATER: &str = "<float name=\"int_ior\" value=\"1\"/>\n        <float name=\"ext_ior\" value=\"1.33\"/>";
+
+/// A block of glass and a bubble in a block of water.
+fn nested() -> ParityScene {
+    let mut things = json!({"materials": paints(), "meshes": room(["white", "white", "red", "green", "white", "white"]),
+        "lights": [ceiling_light(1.8)]});
+    for (name, index) in [("water", 1.33), ("flint", 1.7), ("bubble", 1.0)] {
+        things["materials"][name] = json!({"dielectric": {"index_of_refraction": index}});
+    }
+    let meshes = things["meshes"].as_array_mut().expect("meshes");
+    meshes.push(block("tank", "water", [0.0, 0.2, 0.1], [0.7, 0.5, 1.0], 15.0));
+    meshes.push(block("glass", "flint", [-0.25, 0.15, 0.3], [0.2, 0.15, 0.5], -25.0));
+    meshes.push(block("air", "bubble", [0.3, 0.25, 0.4], [0.15, 0.2, 0.3], 40.0));
+    let mut scene = ParityScene { samples: 64, our_samples: 64, ..ParityScene::new("nested", camera(), &things) };
+    scene.description["integrator"]["path"]["max_depth"] = json!(40);
+    scene.corrections = &[
+        Fault { name: "glass in water", text: FLINT, fault: FLINT_IN_WATER },
+        Fault { name: "a bubble in water", text: BUBBLE, fault: BUBBLE_IN_WATER },
+    ];
+    scene.fault = Some(Fault { name: "glass that is in air", text: FLINT_IN_WATER, fault: FLINT });
     scene
 }
 

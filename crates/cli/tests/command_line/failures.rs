@@ -298,15 +298,15 @@ fn a_reference_of_another_size_is_refused_by_the_sizes() {
 fn submit_builds_the_scene_after_the_coordinator_has_answered_and_before_anything_is_sent() {
     let folder = Folder::new();
     let mut scene: Value = serde_json::from_slice(&fs::read(folder.path("scene.json")).unwrap()).unwrap();
-    let pane = |name: &str| {
-        json!({"name": name, "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.5, "height": 0.5,
-            "thickness": 0.004, "front": "flat", "back": "flat"})
-    };
-    scene["panes"] = json!([pane("one"), pane("other")]);
-    fs::write(folder.path("touching.json"), scene.to_string()).unwrap();
+    scene["panes"] = json!([{"name": "pane", "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+        "width": 0.5, "height": 0.5, "thickness": 0.004}]);
+    scene["materials"]["silver"] = json!({"mirror": {}});
+    scene["meshes"] = json!([{"name": "mirror", "material": "silver", "source": {"inline": {
+        "positions": [[0, 0, 0], [0.1, 0, 2], [0, 0.1, 2]], "triangles": [[0, 1, 2]]}}}]);
+    fs::write(folder.path("stuck.json"), scene.to_string()).unwrap();
     let farm = folder.coordinator("127.0.0.1:0", Some("0123456789abcdef"));
     fs::write(folder.path("token"), "0123456789abcdef\n").unwrap();
-    let submit = ["submit", "touching.json", "--coordinator"];
+    let submit = ["submit", "stuck.json", "--coordinator"];
     folder.fails(
         &[&submit[..], &["http://127.0.0.1:1"]].concat(),
         1,
@@ -315,7 +315,7 @@ fn submit_builds_the_scene_after_the_coordinator_has_answered_and_before_anythin
     folder.fails(&[&submit[..], &[farm.address()]].concat(), 1, &["no token was sent"]);
     let with_token = [farm.address(), "--token-file", "token"];
     let refused = [&submit[..], &with_token].concat();
-    folder.fails(&refused, 1, &["cannot use the scene touching.json", "panes[1].centre: found "]);
+    folder.fails(&refused, 1, &["cannot use the scene stuck.json", "meshes[0].source: found mesh "]);
     let jobs = folder.succeeds(&[&["jobs", "--json", "--coordinator"][..], &with_token].concat());
     assert_eq!(serde_json::from_str::<Value>(&jobs).unwrap(), json!([]));
 }

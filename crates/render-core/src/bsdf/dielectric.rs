@@ -1,4 +1,5 @@
-//! The boundary between air and a clear dielectric, such as glass or water.
+//! The boundary of a body of a clear dielectric, such as glass or water. Around it is air, or another body
+//! (`scene/media.rs`).
 //!
 //! The two normals of a point may disagree so much that a reflected ray would go through the surface, or a refracted
 //! one would not. There the surface is black.
@@ -12,14 +13,16 @@ use serde::{Deserialize, Serialize};
 
 use super::fresnel::{Refraction, reflect, refract};
 use super::polarisation::{Fresnel, Polarisation};
-use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Mirrored, Normals, SurfacePoint, sample_delta};
+use super::{
+    Bsdf, BsdfSample, Crossing, DeltaBsdf, Interior, MaterialSettings, Mirrored, Normals, SurfacePoint, sample_delta,
+};
 use crate::exchange::SurfaceModel;
 use crate::settings::check::{check_range, check_triple};
 use crate::settings::{Check, JsonPath, Triple, is_default};
 use crate::texture::Bitmaps;
 
-/// A smooth boundary between air and a clear dielectric, such as glass or water: air is on the side to which the
-/// triangles' normals point, from which their corners are seen counterclockwise.
+/// A smooth boundary of a clear dielectric, such as glass or water: the outside is on the side to which the triangles'
+/// normals point, from which their corners are seen counterclockwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -32,10 +35,17 @@ pub struct DielectricMaterial {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(inner(range(min = 0.0, max = MAX_ABSORPTION)))]
     pub absorption: Triple,
+    /// Where bodies overlap, the place belongs to the one with the highest priority, -1000 to 1000.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(range(min = -1000, max = 1000))]
+    pub priority: i32,
 }
 
 /// Largest absorption, per metre.
 pub(super) const MAX_ABSORPTION: f64 = 1e9;
+
+/// Largest priority of a body, and least with the other sign.
+pub(crate) const MAX_PRIORITY: i32 = 1000;
 
 /// Index of refraction of crown glass.
 pub(crate) fn crown_glass() -> f64 {
@@ -45,7 +55,8 @@ pub(crate) fn crown_glass() -> f64 {
 impl MaterialSettings for DielectricMaterial {
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
-        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))
+        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))?;
+        check_priority(self.priority, path)
     }
 
     fn is_delta(&self) -> bool {
@@ -57,11 +68,12 @@ impl MaterialSettings for DielectricMaterial {
     }
 
     fn beyond_model(&self) -> Vec<&'static str> {
-        if self.absorption == [0.0; 3] { Vec::new() } else { vec!["it absorbs nothing"] }
+        beyond_body(self.absorption, self.priority)
     }
 
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
-        Arc::new(Dielectric { index_of_refraction: self.index_of_refraction, absorption: self.absorption.into() })
+        let (index_of_refraction, absorption) = (self.index_of_refraction, self.absorption.into());
+        Arc::new(Dielectric { index_of_refraction, absorption, priority: self.priority })
     }
 }
 
@@ -72,6 +84,19 @@ pub(super) struct Dielectric {
     pub(super) index_of_refraction: f64,
     /// What the body behind it absorbs, per metre.
     pub(super) absorption: DVec3,
+    /// That of the body behind it.
+    pub(super) priority: i32,
+}
+
+/// What a body has beyond the models of other programs.
+pub(super) fn beyond_body(absorption: Triple, priority: i32) -> Vec<&'static str> {
+    let absorbs = (absorption != [0.0; 3]).then_some("it absorbs nothing");
+    absorbs.into_iter().chain((priority != 0).then_some("it has no priority")).collect()
+}
+
+/// Checks the member `priority` of what `path` names.
+pub(crate) fn check_priority(priority: i32, path: &JsonPath<'_>) -> Check {
+    check_range(priority, -MAX_PRIORITY, MAX_PRIORITY, &path.member("priority"))
 }
 
 impl DeltaBsdf for Dielectric {
@@ -113,6 +138,15 @@ impl Bsdf for Dielectric {
 
     fn absorption(&self) -> DVec3 {
         self.absorption
+    }
+
+    fn interior(&self) -> Option<Interior> {
+        let Self { index_of_refraction, absorption, priority } = *self;
+        Some(Interior { index_of_refraction, absorption, priority })
+    }
+
+    fn between(&self, ratio: f64) -> Option<Arc<dyn Bsdf>> {
+        Some(Arc::new(Self { index_of_refraction: ratio, ..*self }))
     }
 
     fn transmits(&self) -> bool {

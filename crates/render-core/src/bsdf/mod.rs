@@ -37,7 +37,7 @@ use polarisation::{Fresnel, Polarisation};
 
 pub use conductor::ConductorMaterial;
 pub use dielectric::DielectricMaterial;
-pub(crate) use dielectric::crown_glass;
+pub(crate) use dielectric::{check_priority, crown_glass};
 pub use diffuse::DiffuseMaterial;
 pub use metallic_roughness::MetallicRoughnessMaterial;
 pub use mirror::MirrorMaterial;
@@ -193,6 +193,17 @@ pub enum SampleKind {
     Delta(SpecularEvent),
 }
 
+/// A body of glass or water behind a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interior {
+    /// Its index of refraction; that of air is 1.
+    pub index_of_refraction: f64,
+    /// What it absorbs, per metre.
+    pub absorption: DVec3,
+    /// Where bodies overlap, the place belongs to the one with the highest priority.
+    pub priority: i32,
+}
+
 /// How a surface scatters light. A path comes along `incident` and goes on along `outgoing`, both unit vectors in the
 /// direction of travel. Radiance is carried along the path's reverse.
 pub trait Bsdf: fmt::Debug + Send + Sync {
@@ -223,6 +234,17 @@ pub trait Bsdf: fmt::Debug + Send + Sync {
     /// `exp(-absorption * d)`.
     fn absorption(&self) -> DVec3 {
         DVec3::ZERO
+    }
+
+    /// The body behind the surface; `None` where the surface bounds no body that refracts light.
+    fn interior(&self) -> Option<Interior> {
+        None
+    }
+
+    /// The same boundary between other media: the index of refraction behind it over that in front of it is `ratio`.
+    /// `None` where it bounds no body.
+    fn between(&self, _ratio: f64) -> Option<Arc<dyn Bsdf>> {
+        None
     }
 
     /// Whether light goes through the surface, so that lights behind it count.

@@ -95,6 +95,26 @@ impl Fresnel {
         }
     }
 
+    /// What this face and a second one behind it do, which are parallel, with a thin film between them: transmission
+    /// and reflection. Light that is reflected within the film any number of times is summed, as in [`Self::sheet`].
+    pub fn film(&self, second: &Self) -> [Mueller; 2] {
+        let through = |first: f64, second: f64| {
+            let [first, second] = [first * first, second * second];
+            let rest = 1.0 - first * second;
+            if rest > 0.0 { (1.0 - first) * (1.0 - second) / rest } else { 0.0 }
+        };
+        let [through_s, through_p] = [through(self.s, second.s), through(self.p, second.p)];
+        let (mean, difference) = (0.5 * (through_s + through_p), 0.5 * (through_s - through_p));
+        let [first, behind] = [self, second].map(|face| face.transmission().diagonal);
+        let [before, beyond] = [self, second].map(|face| face.s * face.p);
+        let rest = 1.0 - before * beyond;
+        let returning = if rest > 0.0 { first / rest } else { 0.0 };
+        [
+            Mueller { mean, difference, diagonal: returning * behind },
+            Mueller { mean: 1.0 - mean, difference: -difference, diagonal: before + first * returning * beyond },
+        ]
+    }
+
     /// What a sheet with two such faces does, which are parallel: transmission and reflection. Light that is reflected
     /// between the faces any number of times is summed, for s and p each by itself.
     pub fn sheet(&self) -> [Mueller; 2] {
@@ -209,7 +229,8 @@ mod tests {
             let face = at_angle(between(&mut random, 0.0, 89.9));
             let turn = turned(between(&mut random, 0.0, 360.0)) * between(&mut random, 0.0, 1.0);
             let state = Polarisation { axis: DVec3::X, q: turn.x, u: turn.y };
-            for [through, back] in [[face.transmission(), face.reflection()], face.sheet()] {
+            let second = at_angle(between(&mut random, 0.0, 89.9));
+            for [through, back] in [[face.transmission(), face.reflection()], face.sheet(), face.film(&second)] {
                 let [(transmitted, behind), (reflected, before)] = [through, back].map(|surface| state.after(surface));
                 assert!((transmitted + reflected - 1.0).abs() < 1e-14);
                 for Polarisation { q, u, .. } in [behind, before] {
@@ -221,6 +242,18 @@ mod tests {
         assert_eq!(state.after(Fresnel::TOTAL.transmission()).0, 0.0);
         assert_eq!(state.after(Fresnel::TOTAL.reflection()), (1.0, state));
         assert_eq!(state.after(Fresnel::MIRROR.reflection()), (1.0, Polarisation { u: -0.8, ..state }));
+    }
+
+    #[test]
+    fn a_film_between_equal_faces_is_a_sheet() {
+        for degrees in [0.0, 30.0, 56.0, 80.0] {
+            let face = at_angle(degrees);
+            for (film, sheet) in face.film(&face).into_iter().zip(face.sheet()) {
+                assert!((film.mean - sheet.mean).abs() < 1e-15 && (film.difference - sheet.difference).abs() < 1e-15);
+                assert!((film.diagonal - sheet.diagonal).abs() < 1e-15, "{degrees}: {film:?} {sheet:?}");
+            }
+        }
+        assert_eq!(Fresnel::TOTAL.film(&at_angle(20.0))[0].mean, 0.0);
     }
 
     /// A vertex of a chain: the ray before it, the normal, and what is reflected.

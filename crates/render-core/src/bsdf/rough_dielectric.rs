@@ -14,18 +14,18 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::dielectric::{Dielectric, MAX_ABSORPTION, crown_glass};
+use super::dielectric::{Dielectric, MAX_ABSORPTION, beyond_body, check_priority, crown_glass};
 use super::fresnel::{fresnel, reflect, refract};
 use super::microfacet::{Ggx, MIN_ALPHA};
 use super::shading_frame::ShadingFrame;
-use super::{Bsdf, BsdfSample, MaterialSettings, SampleKind, SurfacePoint};
+use super::{Bsdf, BsdfSample, Interior, MaterialSettings, SampleKind, SurfacePoint};
 use crate::exchange::SurfaceModel;
 use crate::settings::check::{check_range, check_triple};
 use crate::settings::{Check, JsonPath, Triple, is_default};
 use crate::texture::Bitmaps;
 
-/// A rough boundary between air and a clear dielectric, such as ground glass: air is on the side to which the
-/// triangles' normals point, from which their corners are seen counterclockwise.
+/// A rough boundary of a clear dielectric, such as ground glass: the outside is on the side to which the triangles'
+/// normals point, from which their corners are seen counterclockwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -41,6 +41,10 @@ pub struct RoughDielectricMaterial {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(inner(range(min = 0.0, max = MAX_ABSORPTION)))]
     pub absorption: Triple,
+    /// Where bodies overlap, the place belongs to the one with the highest priority, -1000 to 1000.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(range(min = -1000, max = 1000))]
+    pub priority: i32,
 }
 
 /// Nearer to 1 than this, an index of refraction bends light too little to spread it.
@@ -56,7 +60,8 @@ impl MaterialSettings for RoughDielectricMaterial {
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
         check_range(self.roughness, 0.0, 1.0, &path.member("roughness"))?;
-        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))
+        check_triple(self.absorption, 0.0, MAX_ABSORPTION, &path.member("absorption"))?;
+        check_priority(self.priority, path)
     }
 
     fn is_delta(&self) -> bool {
@@ -76,15 +81,17 @@ impl MaterialSettings for RoughDielectricMaterial {
     }
 
     fn beyond_model(&self) -> Vec<&'static str> {
-        if self.absorption == [0.0; 3] { Vec::new() } else { vec!["it absorbs nothing"] }
+        beyond_body(self.absorption, self.priority)
     }
 
     fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
         let (index_of_refraction, absorption) = (self.index_of_refraction, DVec3::from(self.absorption));
+        let priority = self.priority;
         if self.is_delta() {
-            return Arc::new(Dielectric { index_of_refraction, absorption });
+            return Arc::new(Dielectric { index_of_refraction, absorption, priority });
         }
-        Arc::new(RoughDielectric { index_of_refraction, absorption, facets: Ggx { alpha: self.alpha() } })
+        let facets = Ggx { alpha: self.alpha() };
+        Arc::new(RoughDielectric { index_of_refraction, absorption, priority, facets })
     }
 }
 
@@ -93,6 +100,7 @@ impl MaterialSettings for RoughDielectricMaterial {
 struct RoughDielectric {
     index_of_refraction: f64,
     absorption: DVec3,
+    priority: i32,
     facets: Ggx,
 }
 
@@ -196,6 +204,19 @@ impl SeenBoundary {
 impl Bsdf for RoughDielectric {
     fn absorption(&self) -> DVec3 {
         self.absorption
+    }
+
+    fn interior(&self) -> Option<Interior> {
+        let Self { index_of_refraction, absorption, priority, .. } = *self;
+        Some(Interior { index_of_refraction, absorption, priority })
+    }
+
+    fn between(&self, ratio: f64) -> Option<Arc<dyn Bsdf>> {
+        let Self { absorption, priority, facets, .. } = *self;
+        if (ratio - 1.0).abs() < LEAST_BENDING {
+            return Some(Arc::new(Dielectric { index_of_refraction: ratio, absorption, priority }));
+        }
+        Some(Arc::new(Self { index_of_refraction: ratio, absorption, priority, facets }))
     }
 
     fn transmits(&self) -> bool {

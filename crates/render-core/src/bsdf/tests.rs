@@ -10,7 +10,7 @@ fn at(normals: Normals) -> SurfacePoint {
 }
 
 const FLAT: Normals = Normals { geometric: DVec3::Z, shading: DVec3::Z };
-const WATER: Dielectric = Dielectric { index_of_refraction: 1.33, absorption: DVec3::ZERO };
+const WATER: Dielectric = Dielectric { index_of_refraction: 1.33, absorption: DVec3::ZERO, priority: 0 };
 
 #[test]
 fn power_is_conserved_and_radiance_grows_with_the_square_of_the_index() {

@@ -12,7 +12,7 @@ use crate::geometry::Pane;
 use crate::light::SELDOM_MET;
 use crate::scene::Scene;
 use crate::scene::description::MeshDescription;
-use crate::specular::missing::{Contents, LightGroup, PathClass, unowned_of_environment};
+use crate::specular::missing::{Contents, LightGroup, PathClass, immersed_bodies, unowned_of_environment};
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
 const VERTICES_THROUGH_PANE: u32 = 3;
@@ -36,6 +36,10 @@ impl SceneDescription {
         }
         let walls = meshes(&|mesh| self.parts().is_left_to_chance(mesh));
         classes.extend(small_lights(scene, &walls).map(|group| group.over_thin_walls(self.contents())));
+        let immersed = scene.media().immersed_names(scene, MOST_NAMES);
+        if let Some(names) = immersed.filter(|_| scene.lights().iter().any(|light| light.emission() != DVec3::ZERO)) {
+            classes.push(immersed_bodies(&names, self.has_points()));
+        }
         let environment = scene.light_sampler().environment().map(|index| &scene.lights()[index as usize]);
         if let Some(light) = environment.filter(|light| light.emission().max_element() > 0.0 && !glass.is_empty()) {
             let group = LightGroup { name: format!("the environment \"{}\"", light.name), can_be_met: true };

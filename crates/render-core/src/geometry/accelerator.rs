@@ -230,11 +230,6 @@ impl Accelerator {
         &self.panes
     }
 
-    /// The panes, for keeping.
-    pub fn shared_panes(&self) -> Arc<[Pane]> {
-        self.panes.clone()
-    }
-
     /// The corners of a triangle.
     pub fn corners(&self, triangle: u32) -> &[DVec3; 3] {
         &self.corners[triangle as usize]
@@ -552,8 +547,10 @@ fn to_local(pane: &Pane, ray: &Ray) -> Ray {
 }
 
 mod solid;
+mod within;
 
 pub use solid::Solid;
+pub use within::Within;
 
 #[cfg(test)]
 mod tests;

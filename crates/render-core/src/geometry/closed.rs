@@ -17,6 +17,22 @@ pub(crate) fn is_closed(triangles: impl Iterator<Item = [DVec3; 3]>) -> bool {
     numbers.fold(0, |sum, triangle| sum ^ triangle) == 0
 }
 
+/// Whether a surface bounds a body: it is closed, and its triangles face outwards on both sides of each edge. As
+/// [`is_closed`], it is wrong with probability 2^-64.
+pub(crate) fn is_solid(triangles: impl Iterator<Item = [DVec3; 3]>) -> bool {
+    let (mut open, mut volume, mut apex) = (0_u64, 0.0, None);
+    for [a, b, c] in triangles {
+        let [from, to, last] = [a, b, c].map(number_of_corner);
+        for (from, to) in [(from, to), (to, last), (last, from)] {
+            let number = edge(from, to);
+            open = if from < to { open.wrapping_add(number) } else { open.wrapping_sub(number) };
+        }
+        let apex = *apex.get_or_insert(a);
+        volume += (a - apex).dot((b - apex).cross(c - apex));
+    }
+    open == 0 && volume > 0.0
+}
+
 /// The same for both directions.
 fn edge(from: u64, to: u64) -> u64 {
     mix(from.min(to).wrapping_add(mix(from.max(to))))
@@ -53,6 +69,23 @@ mod tests {
             let rest = block.iter().enumerate().filter(|(index, _)| *index != missing);
             assert!(!is_closed(rest.map(|(_, triangle)| *triangle)), "{missing}");
         }
+    }
+
+    #[test]
+    fn a_box_is_solid_unless_it_is_open_inside_out_or_twisted() {
+        let block = block();
+        let outwards = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a).dot(*a + *b + *c) > 0.0;
+        let turned = |[a, b, c]: [DVec3; 3]| [a, c, b];
+        let solid: Vec<_> =
+            block.iter().map(|triangle| if outwards(triangle) { *triangle } else { turned(*triangle) }).collect();
+        assert!(is_solid(solid.iter().copied()));
+        assert!(!is_solid(solid[1..].iter().copied()));
+        assert!(!is_solid(solid.iter().copied().map(turned)));
+        let twisted = solid.iter().enumerate().map(|(index, triangle)| match index {
+            3 => turned(*triangle),
+            _ => *triangle,
+        });
+        assert!(!is_solid(twisted));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Where the glass of a pane meets something else.
 //!
-//! A ray knows what it is in by what it has crossed, and sees no other pane while it is in glass. What lies in the
-//! glass of a pane, or exactly on one of its faces, is met or missed by rounding.
+//! A ray knows what it is in by what it has crossed. In a pane that stands apart, it looks for nothing else. So
+//! what lies in glass has to be known beforehand.
 //!
 //! The search halves the pane's outline. Bounds on both faces show that most parts hold nothing; in the others it looks
 //! for one point that both share. So whatever is found is true. A contact smaller than [`RIM`] is not found. Once the
@@ -91,22 +91,6 @@ pub(crate) fn contact(pane: &Pane, shape: &Shape<'_>, budget: &mut u32) -> Optio
     let found = obstacle.search(&glass, &mut left);
     *budget -= granted - left;
     found.map(|point| pane.frame.point_to_world(point))
-}
-
-/// A way along an axis of the pane, or of the shape if that is a pane too, that takes the shape out of the box around
-/// the pane: a unit vector, and how far, metres. It is the shortest; for panes, the shortest for their extent, so that
-/// neighbours in one plane stay there.
-pub(crate) fn way_out(pane: &Pane, shape: &Shape<'_>) -> (DVec3, f64) {
-    let axes = |pane: &Pane| [pane.frame.axes.z_axis, pane.frame.axes.x_axis, pane.frame.axes.y_axis];
-    let others = if let Shape::Pane(other) = shape { axes(other).to_vec() } else { Vec::new() };
-    let ways = axes(pane).into_iter().chain(others).flat_map(|axis| {
-        let (glass, extent) = (Shape::Pane(pane).extent(axis), shape.extent(axis));
-        let unit = if matches!(shape, Shape::Pane(_)) { glass.max - glass.min } else { 1.0 };
-        [(axis, glass.max - extent.min, unit), (-axis, extent.max - glass.min, unit)]
-    });
-    let cost = |(_, distance, unit): &(DVec3, f64, f64)| distance / unit;
-    let best = ways.min_by(|one, other| cost(one).total_cmp(&cost(other)));
-    best.map_or((DVec3::Z, 0.0), |(axis, distance, _)| (axis, distance))
 }
 
 /// Whether two boxes, given by two corners each, have a point in common.

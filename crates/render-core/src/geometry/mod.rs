@@ -8,6 +8,7 @@ pub(crate) mod boxes;
 pub(crate) mod closed;
 pub(crate) mod coincidence;
 pub(crate) mod contact;
+mod containment;
 mod coverage;
 mod crossing;
 pub mod differential;
@@ -31,7 +32,9 @@ pub(crate) mod testing;
 mod thickness;
 mod triangle;
 
-pub use accelerator::{Accelerator, AcceleratorError, Hit, MOST_PASSED, Passed, PassedTriangle, Solid, Surface};
+pub use accelerator::{
+    Accelerator, AcceleratorError, Hit, MOST_PASSED, Passed, PassedTriangle, Solid, Surface, Within,
+};
 pub use coverage::Coverage;
 pub use differential::SurfaceDifferential;
 pub use frame::Frame;

@@ -7,9 +7,13 @@
 //! A path may go straight through thin walls from a diffuse vertex to a light. That is direct light, as if there were
 //! no walls: next event estimation finds it, too. Both techniques count each wall as a vertex.
 
-use arrayvec::ArrayVec;
+mod media;
+mod stretch;
+
 use glam::DVec3;
 
+use self::media::{Around, Interface, Meeting, Start};
+use self::stretch::{Origin, Stretch};
 use super::prepared::PreparedScene;
 use crate::bsdf::fresnel::{reflect, refract};
 use crate::bsdf::polarisation::{Fresnel, Polarisation};
@@ -18,9 +22,9 @@ use crate::document::{FilterState, PathEvent, PathFilter};
 use crate::geometry::{Face, Hit, MOST_PASSED, PaneBoundary, Ray, Surface, SurfaceId};
 use crate::light::{AskedLight, LightHit, Receiver, Side, Source};
 use crate::math::absorption;
+use crate::scene::media::Bodies;
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
-use crate::specular::scope::MOST_SPECULAR_VERTICES;
 use crate::specular::side::unit_normal;
 use crate::specular::{Link, SpecularEvent, SpecularMethod, SpecularPath};
 use clerestory_film::SampleStream;
@@ -52,6 +56,7 @@ pub struct PathTracer<'a> {
     method: Option<&'a dyn SpecularMethod>,
     chains: Vec<Chain>,
     max_depth: u32,
+    start: Start,
 }
 
 /// A chain of specular vertices that the specular method looks for.
@@ -68,58 +73,14 @@ const BEHIND_WALLS: [PathEvent; MOST_PASSED + 1] = {
     events
 };
 
-/// The stretch of a path since its last diffuse vertex.
-#[derive(Clone, Debug)]
-struct Stretch {
-    /// The diffuse vertex; `None` before the first.
-    from: Option<Origin>,
-    /// How many walls it has gone straight through since then, before any other specular vertex.
-    walls: usize,
-    /// How far it is to the last of them, metres.
-    length: f64,
-    /// The specular vertices since then, but for those walls.
-    links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
-    /// Whether no method owns it: of more specular vertices than any looks for, or over one that none searches.
-    is_left_to_chance: bool,
-}
-
-impl Stretch {
-    fn new(from: Option<Origin>) -> Self {
-        Self { from, walls: 0, length: 0.0, links: ArrayVec::new(), is_left_to_chance: false }
-    }
-
-    fn push(&mut self, link: Link) {
-        self.is_left_to_chance |= self.walls > 0 || self.links.try_push(link).is_err();
-    }
-
-    /// Goes straight through a wall, `distance` behind the last vertex. No method searches it.
-    fn pass(&mut self, wall: Link, distance: f64) {
-        if self.links.is_empty() && self.walls < MOST_PASSED {
-            self.walls += 1;
-            self.length += distance;
-        } else {
-            self.push(wall);
-            self.is_left_to_chance = true;
-        }
-    }
-}
-
-/// The diffuse vertex at which a stretch begins.
-#[derive(Clone, Copy, Debug)]
-struct Origin {
-    point: ShadingPoint,
-    /// How it has asked for light.
-    receiver: Receiver,
-    /// The BSDF's density per solid angle with which the stretch's first direction was drawn.
-    pdf: f64,
-}
-
 /// A path on its way.
 struct Walk {
     ray: Ray,
     ray_origin: SurfaceId,
-    /// The pane in whose glass the ray is.
+    /// The pane in whose glass the ray is, if that meets nothing else.
     inside: Option<(u32, Face)>,
+    /// The bodies around the ray that meet others.
+    around: Around,
     /// What the body absorbs that the path has entered, per metre; zero in air.
     body: DVec3,
     throughput: DVec3,
@@ -140,6 +101,8 @@ struct Lobe<'a> {
     receiver: Receiver,
     /// What absorbs light on the side from which the path has come, and on the other side, per metre.
     bodies: [DVec3; 2],
+    /// The bodies that meet others, on both sides.
+    around: [&'a Bodies; 2],
 }
 
 impl Lobe<'_> {
@@ -153,8 +116,17 @@ impl Lobe<'_> {
 
     /// What remains of light that comes from this far in a direction.
     fn kept(&self, outgoing: DVec3, distance: f64) -> DVec3 {
-        let goes_through = outgoing.dot(self.at.normals.geometric) * self.incident.dot(self.at.normals.geometric) > 0.0;
-        through_body(self.bodies[usize::from(goes_through)], distance)
+        through_body(self.bodies[self.side(outgoing)], distance)
+    }
+
+    /// The bodies into which a direction leads.
+    fn around(&self, outgoing: DVec3) -> &Bodies {
+        self.around[self.side(outgoing)]
+    }
+
+    fn side(&self, outgoing: DVec3) -> usize {
+        let normal = self.at.normals.geometric;
+        usize::from(outgoing.dot(normal) * self.incident.dot(normal) > 0.0)
     }
 }
 
@@ -168,17 +140,20 @@ impl<'a> PathTracer<'a> {
         let method = prepared.method();
         let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
         let max_depth = prepared.description().integrator.max_depth();
-        Self { scene: prepared.scene(), filter: prepared.path_filter(), method, chains, max_depth }
+        let scene = prepared.scene();
+        Self { scene, filter: prepared.path_filter(), method, chains, max_depth, start: Start::of(scene) }
     }
 
     /// Traces one path from the camera.
     pub fn sample(&self, ray: Ray, stream: &mut SampleStream, counters: &mut Counters) -> PathSample {
         let mut sample = PathSample::default();
+        let (around, body) = self.start.around(self.scene, &ray);
         let mut walk = Walk {
             ray,
             ray_origin: SurfaceId::Nothing,
             inside: None,
-            body: DVec3::ZERO,
+            around,
+            body,
             throughput: DVec3::ONE,
             polarisation: Polarisation::NONE,
             stretch: Stretch::new(None),
@@ -190,6 +165,7 @@ impl<'a> PathTracer<'a> {
                 Some((pane, face)) => {
                     self.scene.accelerator().closest_hit_inside(pane, &walk.ray, Some(face), counters)
                 }
+                None if !walk.around.is_air() => self.closest_hit_among_bodies(&walk, f64::INFINITY, counters),
                 None => self.scene.accelerator().closest_hit(&walk.ray, f64::INFINITY, walk.ray_origin, counters),
             };
             let distance = hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance);
@@ -198,7 +174,7 @@ impl<'a> PathTracer<'a> {
             {
                 sample.radiance += self.emission(&walk, index, &light_hit, counters);
                 if walk.depth == 0 {
-                    sample.depth = light_hit.distance;
+                    sample.depth += light_hit.distance;
                 }
                 return sample;
             }
@@ -211,6 +187,16 @@ impl<'a> PathTracer<'a> {
             {
                 sample.radiance += self.emission(&walk, light, &light_hit, counters);
             }
+            let meeting = self.meeting(&walk, &hit);
+            if let Meeting::Straight(after) = meeting {
+                if walk.depth == 0 {
+                    sample.depth += hit.distance;
+                }
+                if self.go_straight(&mut walk, &hit, after) {
+                    continue;
+                }
+                return sample;
+            }
             if walk.depth == 0 {
                 self.describe_first_hit(&walk.ray, &hit, &mut sample);
             }
@@ -218,11 +204,15 @@ impl<'a> PathTracer<'a> {
                 return sample;
             }
             walk.depth += 1;
-            let goes_on = match hit.surface {
-                Surface::Triangle { index, barycentric } => {
-                    self.surface(&mut walk, hit.distance, index, barycentric, &mut sample, stream, counters)
+            let goes_on = match (meeting, hit.surface) {
+                (Meeting::Face(face), _) => self.smooth_interface(&mut walk, &hit, face, stream),
+                (meeting, Surface::Triangle { index, barycentric }) => {
+                    let interface = if let Meeting::Surface(interface) = meeting { Some(interface) } else { None };
+                    let triangle = (index, barycentric, interface);
+                    self.surface(&mut walk, hit.distance, triangle, &mut sample, stream, counters)
                 }
-                Surface::Pane { index, .. } => self.glass(&mut walk, index, &hit, stream),
+                (Meeting::Black, _) => false,
+                (_, Surface::Pane { index, .. }) => self.glass(&mut walk, index, &hit, stream),
             };
             if !goes_on || !self.survives(&mut walk, stream) {
                 return sample;
@@ -231,7 +221,7 @@ impl<'a> PathTracer<'a> {
     }
 
     fn describe_first_hit(&self, ray: &Ray, hit: &Hit, sample: &mut PathSample) {
-        sample.depth = hit.distance;
+        sample.depth += hit.distance;
         let (normal, albedo) = match &hit.surface {
             Surface::Triangle { index, barycentric } => {
                 let at = self.scene.surface_point(*index, *barycentric);
@@ -286,6 +276,9 @@ impl<'a> PathTracer<'a> {
         }
         let carried = walk.throughput * hit.radiance * through_body(walk.body, hit.distance);
         let Some(Origin { point, receiver, pdf: density }) = walk.stretch.from else { return carried };
+        if walk.stretch.is_unseen {
+            return carried;
+        }
         if walk.stretch.links.is_empty() {
             let asked = self.scene.light_sampler().probability(light, &receiver);
             // As seen from the vertex, before all walls.
@@ -316,13 +309,11 @@ impl<'a> PathTracer<'a> {
     }
 
     /// Adds the light that a surface scatters into the path, and scatters the path; false when the path ends.
-    #[expect(clippy::too_many_arguments, reason = "a vertex and the three places to which it reports")]
     fn surface(
         &self,
         walk: &mut Walk,
         distance: f64,
-        triangle: u32,
-        barycentric: [f64; 2],
+        (triangle, barycentric, interface): (u32, [f64; 2], Option<Interface>),
         sample: &mut PathSample,
         stream: &mut SampleStream,
         counters: &mut Counters,
@@ -331,17 +322,21 @@ impl<'a> PathTracer<'a> {
         if walk.inside.is_some() {
             return false;
         }
-        let bsdf = self.scene.bsdf(triangle);
+        let of_material = self.scene.bsdf(triangle);
+        let between = interface.as_ref().and_then(|interface| of_material.between(interface.ratio()));
+        let bsdf = between.as_deref().unwrap_or(of_material);
         let at = self.scene.surface_point(triangle, barycentric);
         let incident = walk.ray.direction;
         let leaves = incident.dot(at.normals.geometric) > 0.0;
         // A body ends here, whether the path has entered it or began in it.
-        let absorbs = if leaves && bsdf.absorption() != DVec3::ZERO { bsdf.absorption() } else { walk.body };
+        let begins_in = leaves && interface.is_none() && bsdf.absorption() != DVec3::ZERO;
+        let absorbs = if begins_in { bsdf.absorption() } else { walk.body };
         if absorbs != DVec3::ZERO {
             walk.throughput *= absorption(absorbs, distance);
         }
         // A thin wall bounds no body: behind it is what was before it.
         let behind = match (bsdf.absorption(), leaves) {
+            _ if let Some(interface) = &interface => interface.behind().absorption,
             (coefficient, _) if coefficient == DVec3::ZERO => absorbs,
             (_, true) => DVec3::ZERO,
             (coefficient, false) => coefficient,
@@ -362,7 +357,9 @@ impl<'a> PathTracer<'a> {
             let here = ShadingPoint { position, normal: at.normals.facing(incident), surface: ray_origin, bounces };
             let side = if bsdf.transmits() { Side::Both(here.normal) } else { Side::Front(here.normal) };
             let receiver = Receiver { position, side };
-            let lobe = Lobe { bsdf, at: &at, incident, receiver, bodies: [absorbs, behind] };
+            let before = walk.around.bodies();
+            let around = [before, interface.as_ref().map_or(before, Interface::bodies_behind)];
+            let lobe = Lobe { bsdf, at: &at, incident, receiver, bodies: [absorbs, behind], around };
             self.add_scattered(walk, &here, &lobe, carried, &mut sample.radiance, stream, counters);
             point = Some((here, receiver));
         }
@@ -371,19 +368,27 @@ impl<'a> PathTracer<'a> {
         walk.throughput *= next.weight;
         let goes_through = next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0;
         walk.body = if goes_through { behind } else { absorbs };
+        // Methods were not asked for light among bodies.
+        let was_asked = walk.around.is_air();
+        let is_immersed = interface.is_some();
+        walk.around.leave_surface();
+        if goes_through && let Some(interface) = interface {
+            walk.around = interface.into_behind();
+        }
         walk.ray_origin = ray_origin;
         walk.ray = Ray::new(position, next.direction);
         match next.kind {
             SampleKind::Density(pdf) => {
                 walk.stretch = Stretch::new(point.map(|(point, receiver)| Origin { point, receiver, pdf }));
+                walk.stretch.is_left_to_chance = !was_asked;
                 true
             }
             SampleKind::Delta(event) => {
                 let link = Link { event, surface: ray_origin, position, direction: incident };
-                if event == SpecularEvent::Transmission && bsdf.as_straight().is_some() {
+                if event == SpecularEvent::Transmission && bsdf.as_straight().is_some() && walk.around.is_air() {
                     walk.stretch.pass(link, distance);
                 } else {
-                    walk.stretch.is_left_to_chance |= bsdf.as_delta().is_none();
+                    walk.stretch.is_left_to_chance |= bsdf.as_delta().is_none() || is_immersed;
                     walk.stretch.push(link);
                 }
                 self.advance(walk, event.into())
@@ -407,7 +412,9 @@ impl<'a> PathTracer<'a> {
         if self.scene.has_straight_meshes() || self.accepts(walk.filter, &[PathEvent::Light]) {
             *radiance += carried * self.direct_light(walk, point, lobe, stream, counters);
         }
-        for chain in &self.chains {
+        // Methods know air on this side alone.
+        let chains = if walk.around.is_air() { &self.chains[..] } else { &[] };
+        for chain in chains {
             let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
             if fits && self.accepts(walk.filter, &chain.with_light) {
                 *radiance += carried * self.specular_light(point, lobe, &chain.events, stream, counters);
@@ -433,7 +440,12 @@ impl<'a> PathTracer<'a> {
                 continue;
             }
             let ray = Ray::new(point.position, sample.direction);
-            let way = self.scene.straight_way(&ray, sample.distance, point.surface, index, counters);
+            let around = lobe.around(sample.direction);
+            let way = if around.is_empty() {
+                self.scene.straight_way(&ray, sample.distance, point.surface, index, counters)
+            } else {
+                self.straight_way_among_bodies(&ray, sample.distance, point.surface, around, index, counters)
+            };
             let Some(way) = way.filter(|way| self.fits(walk, way.walls)) else { continue };
             let balance = sample.pdf.map_or(1.0, |pdf| {
                 let pdf = pdf * probability;
@@ -551,6 +563,10 @@ fn through_body(coefficient: DVec3, distance: f64) -> DVec3 {
 
 #[cfg(test)]
 mod double_glazing_tests;
+#[cfg(test)]
+mod furnace_tests;
+#[cfg(test)]
+mod media_tests;
 #[cfg(test)]
 mod opacity_tests;
 #[cfg(test)]

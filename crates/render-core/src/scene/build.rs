@@ -10,6 +10,7 @@ use super::build_meshes::{Meshes, decode_textures};
 use super::build_panes::build_panes;
 use super::build_step::BuildStep;
 use super::camera::Camera;
+use super::media::Media;
 use super::memory::SceneMemory;
 use super::mesh_surface::MeshSurface;
 use super::openings::Openings;
@@ -18,7 +19,7 @@ use super::parts::SceneParts;
 use super::shining::{lights_of_meshes, shining_surfaces};
 use super::surface_coverage::SurfaceCoverage;
 use super::validate_faces::check_faces;
-use super::validate_places::{Obstacles, check_panes};
+use super::validate_places::Obstacles;
 use crate::geometry::closed::is_closed;
 use crate::geometry::{Accelerator, Coverage, Pane};
 use crate::light::{EnvironmentMap, EnvironmentMaps, Light, LightAssets, LightSampler};
@@ -33,6 +34,7 @@ pub struct Scene {
     specular_ball: (DVec3, f64),
     mesh_bounds: Vec<[DVec3; 2]>,
     pane_tree: PaneTree,
+    media: Media,
     light_assets: LightAssets,
     lights: Vec<Light>,
     /// For each mesh, the light that it is; empty where no mesh is one.
@@ -72,16 +74,19 @@ impl Scene {
             None => accelerator,
         };
         let corners = |triangle: u32| *accelerator.corners(triangle);
-        check_panes(parts, accelerator.panes(), corners, &meshes)?;
-        check_faces(corners, &meshes)?;
-        Obstacles::new(accelerator.shared_panes()).check(parts)?;
         let lights = build_lights(parts, &light_assets);
+        let lights_of_meshes = lights_of_meshes(&lights, &meshes);
+        let is_light = |mesh: u32| lights_of_meshes.get(mesh as usize).is_some_and(Option::is_some);
+        let media = Media::new(parts, &accelerator, &meshes, &mesh_bounds, &lights, &is_light)?;
+        check_faces(corners, &meshes)?;
+        Obstacles.check(parts)?;
         let straight = meshes.iter().filter(|mesh| mesh.is_straight()).flat_map(MeshSurface::triangle_range).collect();
         Ok(Self {
             camera: Camera::new(parts.camera, parts.film),
             light_sampler: LightSampler::new(&lights),
-            lights_of_meshes: lights_of_meshes(&lights, &meshes),
+            lights_of_meshes,
             lights,
+            media,
             light_assets,
             normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
             specular_ball: specular_ball(&accelerator, &meshes, &mesh_bounds),
@@ -107,7 +112,9 @@ impl Scene {
     pub fn with_lights(self, parts: SceneParts<'_>) -> Self {
         let lights = build_lights(parts, &self.light_assets);
         let lights_of_meshes = lights_of_meshes(&lights, &self.meshes);
-        Self { light_sampler: LightSampler::new(&lights), lights_of_meshes, lights, ..self }
+        let mut media = self.media;
+        media.set_lights(self.accelerator.panes(), &lights);
+        Self { light_sampler: LightSampler::new(&lights), lights_of_meshes, lights, media, ..self }
     }
 
     /// The camera.
@@ -137,7 +144,12 @@ impl Scene {
 
     /// What the camera and the lights must keep out of.
     pub fn obstacles(&self) -> Obstacles {
-        Obstacles::new(self.accelerator.shared_panes())
+        Obstacles
+    }
+
+    /// Which body a place belongs to.
+    pub fn media(&self) -> &Media {
+        &self.media
     }
 
     /// The tree over the panes.
@@ -236,8 +248,7 @@ impl Decoded {
         begin(BuildStep::Textures);
         let textures = decode_textures(parts, assets)?;
         let environments = decode_environments(parts, assets)?;
-        begin(BuildStep::Panes { count: parts.panes.len() });
-        let panes = build_panes(parts, assets)?;
+        let panes = build_panes(parts, assets, begin)?;
         let mut meshes = Meshes::new(parts, assets, &textures);
         for (index, mesh) in parts.meshes.iter().enumerate() {
             let (number, count) = (index + 1, parts.meshes.len());

@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::assets::{Assets, asset_bytes};
+use super::build_step::BuildStep;
 use super::description::{PaneDescription, ProfileDescription};
 use super::parts::SceneParts;
 use super::profile::procedural_coefficients;
@@ -15,21 +16,40 @@ use crate::geometry::{Face, HeightField, Pane, PaneError, PaneParts};
 use crate::settings::{AssetProblem, JsonPath, SceneError};
 use crate::texture::height_map::{CoefficientGrid, HeightMap};
 
+/// Panes that are built before the next is told of: enough to keep all cores busy, and still some steps a second.
+const PANES_OF_A_STEP: usize = 1024;
+
 /// Height maps by the names of their files.
 type HeightMaps<'a> = BTreeMap<&'a str, HeightMap>;
 
 /// The two faces of each sheet, by its name.
 type Sheets<'a> = BTreeMap<&'a str, [Arc<HeightField>; 2]>;
 
-/// Builds all panes, in the order of the scene file.
-pub(super) fn build_panes(parts: SceneParts<'_>, assets: &Assets) -> Result<Vec<Pane>, SceneError> {
+/// Builds all panes, in the order of the scene file, and tells how many are built.
+pub(super) fn build_panes(
+    parts: SceneParts<'_>,
+    assets: &Assets,
+    begin: &mut dyn FnMut(BuildStep<'_>),
+) -> Result<Vec<Pane>, SceneError> {
+    let count = parts.panes.len();
+    begin(BuildStep::Panes { done: 0, count });
     let height_maps = decode_height_maps(parts, assets)?;
     let sheets = build_sheets(parts, &height_maps)?;
-    // Collected before the first error is looked for, so that it is the same one on every machine.
-    let built: Vec<Result<Pane, SceneError>> = (parts.panes.par_iter().enumerate())
-        .map(|(index, pane)| build_pane(index, pane, &sheets, &height_maps))
-        .collect();
-    built.into_iter().collect()
+    let mut panes = Vec::with_capacity(count);
+    for part in parts.panes.chunks(PANES_OF_A_STEP) {
+        let first = panes.len();
+        if first > 0 {
+            begin(BuildStep::Panes { done: first, count });
+        }
+        // Collected before the first error is looked for, so that it is the same one on every machine.
+        let built: Vec<Result<Pane, SceneError>> = (part.par_iter().enumerate())
+            .map(|(index, pane)| build_pane(first + index, pane, &sheets, &height_maps))
+            .collect();
+        for pane in built {
+            panes.push(pane?);
+        }
+    }
+    Ok(panes)
 }
 
 /// Decodes all height maps, each file once.

@@ -19,6 +19,8 @@ pub enum BuildStep<'a> {
     Textures,
     /// The faces of panes are computed or decoded.
     Panes {
+        /// How many are built.
+        done: usize,
         /// How many panes there are.
         count: usize,
     },
@@ -40,13 +42,24 @@ pub enum BuildStep<'a> {
     SpecularMeshes,
 }
 
+impl BuildStep<'_> {
+    /// The part of a step of many equal parts that is done; `None` for other steps.
+    pub fn done(&self) -> Option<f64> {
+        match self {
+            Self::Panes { done, count } if *done > 0 => Some(*done as f64 / *count as f64),
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for BuildStep<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Imports { count } => write!(formatter, "Reading the imports, {count} in all"),
             Self::Windows { count } => write!(formatter, "Glazing the windows, {count} in all"),
             Self::Textures => write!(formatter, "Decoding the textures"),
-            Self::Panes { count } => write!(formatter, "Building the panes, {count} in all"),
+            Self::Panes { done: 0, count } => write!(formatter, "Building the panes, {count} in all"),
+            Self::Panes { done, count } => write!(formatter, "Building the panes, {done} of {count}"),
             Self::Mesh { name, number, count } => write!(formatter, "Building mesh {number} of {count}, {name:?}"),
             Self::Hierarchy { triangles } => {
                 write!(formatter, "Sorting {triangles} triangles and the panes into a tree")

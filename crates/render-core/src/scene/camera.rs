@@ -61,7 +61,7 @@ impl Camera {
 
 impl Camera {
     /// The corners of where its rays start: one point, or a rectangle.
-    pub(super) fn aperture(&self) -> Vec<DVec3> {
+    pub fn aperture(&self) -> Vec<DVec3> {
         match self.projection {
             Projection::Perspective => vec![self.frame.origin],
             Projection::Orthographic => [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]

@@ -223,6 +223,10 @@ pub struct PaneDescription {
     /// How rays find where they cross the faces.
     #[serde(default, skip_serializing_if = "crate::settings::is_default")]
     pub crossing: FaceCrossing,
+    /// Where bodies overlap, the place belongs to the one with the highest priority, -1000 to 1000.
+    #[serde(default, skip_serializing_if = "crate::settings::is_default")]
+    #[schemars(range(min = -1000, max = 1000))]
+    pub priority: i32,
 }
 
 /// A sheet of glass from which panes are cut: the relief of both of its faces.

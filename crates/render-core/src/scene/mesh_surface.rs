@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, DVec4, Vec4};
 
-use crate::bsdf::{Bsdf, Opacity};
+use crate::bsdf::{Bsdf, Interior, Opacity};
 use crate::geometry::Tangent;
 use crate::texture::TextureCoordinates;
 
@@ -66,6 +66,11 @@ impl MeshSurface {
     /// Whether its triangles refract or mirror light, so that specular methods search them.
     pub fn is_specular(&self) -> bool {
         self.surface.bsdf.as_delta().is_some()
+    }
+
+    /// The body that its triangles bound, if they have an inside.
+    pub fn interior(&self) -> Option<Interior> {
+        self.surface.bsdf.interior()
     }
 
     /// Whether light goes straight through its triangles, and shadow rays with it.

@@ -17,7 +17,7 @@ use super::profile;
 use super::sheet::{check_sheet, face_name};
 use super::waves::MAX_CELLS;
 use super::window::check_windows;
-use crate::bsdf::MaterialDescription;
+use crate::bsdf::{MaterialDescription, check_priority};
 use crate::settings::Check;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
@@ -295,6 +295,7 @@ fn check_pane(pane: &PaneDescription, sheets: &BTreeMap<String, SheetDescription
     let layers = path.member("layers");
     check_triple(pane.layers.front, 0.0, 100.0, &layers.member("front"))?;
     check_triple(pane.layers.back, 0.0, 100.0, &layers.member("back"))?;
+    check_priority(pane.priority, path)?;
     pane.check_cut(sheets, path)?;
     let face = SizedFace { width: pane.width, height: pane.height, relief: pane.thickness };
     check_profile(&pane.front, &face, &path.member("front"))?;

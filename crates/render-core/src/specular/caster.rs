@@ -30,14 +30,23 @@ pub(super) enum SeenCaster {
     Mesh(u32),
 }
 
-/// All casters of a scene: panes first, then meshes.
+/// All casters of a scene: panes first, then meshes. Immersed bodies are none.
 pub(super) fn casters(scene: &Scene) -> impl Iterator<Item = Caster> {
     let panes = (0u32..).zip(scene.panes()).map(|(index, _)| Caster::Pane(index));
     let meshes = (0u32..).zip(scene.meshes()).filter(|(_, mesh)| mesh.is_specular());
-    panes.chain(meshes.map(|(index, _)| Caster::Mesh(index)))
+    let all = panes.chain(meshes.map(|(index, _)| Caster::Mesh(index)));
+    all.filter(|caster| !caster.is_immersed(scene))
 }
 
 impl Caster {
+    /// Whether it meets another body, so that no method searches it.
+    pub(super) fn is_immersed(self, scene: &Scene) -> bool {
+        match self {
+            Self::Pane(pane) => scene.media().is_immersed(pane),
+            Self::Mesh(mesh) => scene.media().is_immersed_mesh(mesh),
+        }
+    }
+
     /// The caster on which a chain begins.
     pub(super) fn of(scene: &Scene, first: &Link) -> Option<Self> {
         match first.surface {

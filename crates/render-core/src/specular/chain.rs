@@ -18,7 +18,7 @@ use crate::scene::ShadingPoint;
 use crate::{
     bsdf::fresnel::{reflect, refract},
     bsdf::polarisation::{Fresnel, Polarisation},
-    geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential, SurfaceId},
+    geometry::{Face, Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential, SurfaceId},
     light::Source,
     scene::{Scene, visibility::straight},
 };
@@ -171,6 +171,9 @@ impl Chain {
 
     /// The vertex where a ray has met a surface, and what the event makes of the ray.
     fn meet(&self, scene: &Scene, ray: &Ray, hit: &Hit, event: SpecularEvent, counters: &mut Counters) -> Option<Step> {
+        if is_immersed(scene, hit) {
+            return None;
+        }
         match &hit.surface {
             Surface::Triangle { index, barycentric } => {
                 if self.vertices.last().is_some_and(|last| last.inside.is_some()) {
@@ -236,6 +239,9 @@ impl Chain {
 
     /// The vertex where a ray goes straight through a surface.
     fn cross(&self, scene: &Scene, ray: &Ray, hit: &Hit, counters: &mut Counters) -> Option<ChainVertex> {
+        if is_immersed(scene, hit) {
+            return None;
+        }
         match &hit.surface {
             Surface::Triangle { index, barycentric } => {
                 if self.vertices.last().is_some_and(|last| last.inside.is_some()) {
@@ -328,6 +334,14 @@ impl Chain {
         let factor = (turned * moved).determinant();
         factor.is_finite().then_some(factor)
     }
+}
+
+/// Whether a ray has met a body that meets others: such paths are left to chance.
+fn is_immersed(scene: &Scene, hit: &Hit) -> bool {
+    scene.is_immersed(match hit.surface {
+        Surface::Triangle { index, .. } => SurfaceId::Triangle(index),
+        Surface::Pane { index, .. } => SurfaceId::Pane { index, face: Face::Front },
+    })
 }
 
 /// What a ray meets next, in the glass of a pane or in the air.

@@ -10,6 +10,8 @@
 //!
 //! - O does not lie between the highest and the lowest point of a face or its plane ([`PaneSide::facing`]);
 //! - no segment runs along the pane (cosine at least [`GRAZING_COSINE`]).
+//!
+//! No method owns a path over an immersed body ([`crate::scene::media`]).
 
 use glam::DVec3;
 
@@ -59,7 +61,7 @@ pub fn through_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath
         return None;
     };
     let transmitted = [entry, exit].iter().all(|link| link.event == SpecularEvent::Transmission);
-    if index != left || !transmitted {
+    if index != left || !transmitted || scene.media().is_immersed(index) {
         return None;
     }
     let pane = &scene.panes()[index as usize];
@@ -75,7 +77,8 @@ pub(super) fn off_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularP
         [Link { event: SpecularEvent::Reflection, surface: SurfaceId::Pane { index, face }, .. }] => {
             let frame = &scene.panes()[*index as usize].frame;
             let side = PaneSide::facing(&scene.panes()[*index as usize], frame.point_to_local(point.position));
-            side.is_some_and(|side| side.near == *face && side.is_lit_from_here(path.source.in_frame(frame)))
+            !scene.media().is_immersed(*index)
+                && side.is_some_and(|side| side.near == *face && side.is_lit_from_here(path.source.in_frame(frame)))
         }
         _ => false,
     }

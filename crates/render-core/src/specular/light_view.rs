@@ -116,7 +116,7 @@ impl<'a> LightView<'a> {
             None => scene.pane_tree().candidates(point.position, &region),
             Some(second) => second.candidates(scene, point.position, &region),
         };
-        for index in candidates {
+        for index in candidates.into_iter().filter(|index| !scene.media().is_immersed(*index)) {
             let pane = &scene.panes()[index as usize];
             let origin = pane.frame.point_to_local(point.position);
             let Some(side) = PaneSide::facing(pane, origin) else { continue };

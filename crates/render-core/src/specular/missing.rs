@@ -144,6 +144,13 @@ pub(crate) fn unowned_of_environment(lights: &LightGroup, contents: Contents, fi
     vec![PathClass::new(lights.all(), ANY)]
 }
 
+/// Light over bodies that touch, overlap or hold one another, which no method searches. Chance never meets a point.
+pub(crate) fn immersed_bodies(names: &str, has_points: bool) -> PathClass {
+    let points = if has_points { ", and of point lights none of it is there" } else { "" };
+    let text = format!("light through or off bodies that meet others or hold a light ({names}){points}");
+    PathClass::new(text, ".*[RT].*L")
+}
+
 /// Light that a method leaves out which looks for light through one pane.
 pub(super) fn unowned_by_panes(
     of: &str,

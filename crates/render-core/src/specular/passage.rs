@@ -51,6 +51,9 @@ impl<'a> Passage<'a> {
         sample: &'a SourceSample,
         pane: u32,
     ) -> Option<Self> {
+        if scene.media().is_immersed(pane) {
+            return None;
+        }
         let geometry = &scene.accelerator().panes()[pane as usize];
         let frame = &geometry.frame;
         let origin = frame.point_to_local(point.position);

@@ -59,11 +59,11 @@ async fn a_scene_that_no_machine_can_build_is_reported_with_its_place_and_value(
     coordinator.lock().claims.push_back(Claim::Lease(broken.clone()));
     coordinator.lock().wants_report = true;
     coordinator.set_scene(|scene| {
-        let pane = |name: &str| {
-            json!({"name": name, "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.5,
-                "height": 0.5, "thickness": 0.004, "front": "flat", "back": "flat"})
-        };
-        scene["panes"] = json!([pane("one"), pane("other")]);
+        scene["panes"] = json!([{"name": "pane", "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+            "width": 0.5, "height": 0.5, "thickness": 0.004}]);
+        scene["materials"]["silver"] = json!({"mirror": {}});
+        scene["meshes"] = json!([{"name": "mirror", "material": "silver", "source": {"inline": {
+            "positions": [[0, 0, 0], [0.1, 0, 2], [0, 0.1, 2]], "triangles": [[0, 1, 2]]}}}]);
     });
     let worker = coordinator.start().await;
     coordinator.until(|state| !state.reports.is_empty() && !state.returns.is_empty()).await;
@@ -72,7 +72,7 @@ async fn a_scene_that_no_machine_can_build_is_reported_with_its_place_and_value(
     let (id, report, _) = &state.reports[0];
     assert_eq!((*id, report.token), (broken.id, broken.token));
     let BuildOutcome::Refused { reason } = &report.outcome else { panic!("{report:?}") };
-    assert!(reason.starts_with("panes[1].centre: found "), "{reason}");
+    assert!(reason.starts_with("meshes[0].source: found mesh "), "{reason}");
 }
 
 #[tokio::test]

@@ -66,6 +66,7 @@ fn pane(glass: Glass, cuts: u32, [window, row, column]: [u32; 3], seed: u64) -> 
         front,
         back,
         crossing: FaceCrossing::default(),
+        priority: 0,
     }
 }
 

@@ -141,7 +141,11 @@ fn diffuse(name: &str, colour: Triple) -> (String, MaterialDescription) {
 fn water() -> (String, MaterialDescription) {
     (
         "water".to_owned(),
-        MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction: WATER, absorption: [0.0; 3] }),
+        MaterialDescription::Dielectric(DielectricMaterial {
+            index_of_refraction: WATER,
+            absorption: [0.0; 3],
+            priority: 0,
+        }),
     )
 }
 

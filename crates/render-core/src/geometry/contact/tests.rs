@@ -112,22 +112,6 @@ fn points_balls_and_polygons_are_found_in_glass_and_on_its_faces() {
 }
 
 #[test]
-fn the_way_out_leads_out() {
-    let pane = level(0.0);
-    let tilt = DVec3::new(0.0, 0.8, 0.6);
-    for other in [level(0.002), flat(DVec3::new(0.29, 0.1, 0.001), DVec3::X, tilt, DVec2::splat(0.3))] {
-        assert!(are_in_contact(&pane, &other));
-        let (direction, distance) = way_out(&pane, &Shape::Pane(&other));
-        let mut moved = other.clone();
-        moved.frame.origin += direction * (distance + 1e-9);
-        assert!(!are_in_contact(&pane, &moved), "{direction} {distance}");
-    }
-    let (direction, distance) = way_out(&pane, &Shape::Ball { centre: DVec3::new(0.1, 0.0, 0.001), radius: 0.01 });
-    assert_eq!(direction, DVec3::NEG_Z);
-    assert!((distance - 0.011).abs() < 1e-12);
-}
-
-#[test]
 fn relief_that_runs_in_parallel_close_by_costs_no_more_than_the_budget() {
     let size = DVec2::splat(0.3);
     let face = || Kind::Crown.face(size, 0.002, 0.4);

@@ -32,8 +32,13 @@ pub(super) fn mean(scene: &Value) -> (f64, f64) {
 
 /// The same of a scene with files.
 pub(super) fn mean_with(scene: &Value, assets: &Assets) -> (f64, f64) {
+    mean_of(scene, assets, 0)
+}
+
+/// Mean of a channel, and its standard error.
+pub(super) fn mean_of(scene: &Value, assets: &Assets, channel: usize) -> (f64, f64) {
     let sums = sums(scene, assets);
-    let means: Vec<f64> = sums.iter().map(|sum| f64::from(sum[0]) / f64::from(SAMPLES)).collect();
+    let means: Vec<f64> = sums.iter().map(|sum| f64::from(sum[channel]) / f64::from(SAMPLES)).collect();
     let count = means.len() as f64;
     let mean = means.iter().sum::<f64>() / count;
     let variance = means.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0);

@@ -154,9 +154,10 @@ impl<'f, 'a> GltfMaterials<'f, 'a> {
                     index_of_refraction,
                     roughness,
                     absorption,
+                    priority: 0,
                 })
             } else {
-                MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction, absorption })
+                MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction, absorption, priority: 0 })
             };
         }
         let is_clear = material.roughness <= CLEAR && material.metallic_roughness_texture.is_none();

@@ -401,6 +401,7 @@ impl GlazeRule {
             front: with_seed(&self.front, 2 * number),
             back: with_seed(&self.back, 2 * number + 1),
             crossing: crate::geometry::FaceCrossing::default(),
+            priority: 0,
         }
     }
 }

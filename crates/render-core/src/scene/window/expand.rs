@@ -133,6 +133,7 @@ impl Glazier<'_> {
             front: Default::default(),
             back: Default::default(),
             crossing: FaceCrossing::default(),
+            priority: 0,
         })
     }
 

@@ -71,7 +71,9 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
         choices.push(Choice { method, lights, chains, casters });
     };
     let all: Vec<bool> = lights.iter().map(|light| !light.is_environment()).collect();
-    let specular = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_specular());
+    // What meets other bodies is left to chance.
+    let is_apart = |index: u32| !scene.media().is_immersed_mesh(index);
+    let specular = (0u32..).zip(meshes).filter(|(index, mesh)| mesh.is_specular() && is_apart(*index));
     let (glass, mirrors): (Vec<_>, Vec<_>) = specular.partition(|(_, mesh)| mesh.is_dielectric());
     let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| scene.is_closed(*index));
     let [closed, open, mirrors]: [Vec<Caster>; 3] =
@@ -82,9 +84,10 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
     add(Best::Conic, &all, &["R"], &[&hollow[..], &mirrors].concat());
     add(Best::Sms, &all, &["TT"], &closed);
 
-    let panes = (0..panes.len() as u32).map(Caster::Pane);
+    let panes = (0..panes.len() as u32).map(Caster::Pane).filter(|pane| !pane.is_immersed(scene));
+    let panes: Vec<Caster> = panes.collect();
     if panes.len() + closed.len() + open.len() + mirrors.len() <= MOST_IN_A_ROW {
-        let bodies: Vec<Caster> = panes.chain(closed).collect();
+        let bodies: Vec<Caster> = panes.into_iter().chain(closed).collect();
         let things: Vec<_> =
             [&bodies[..], &open, &mirrors].concat().into_iter().map(|thing| around(scene, thing)).collect();
         let seldom: Vec<bool> = lights.iter().map(|light| is_below(SELDOM_MET, light, &things)).collect();

@@ -181,6 +181,9 @@ impl<'a> SeenPortal<'a> {
     /// `None` where the point sees the pane from the other side, or none of it.
     fn new(scene: &'a Scene, point: &ShadingPoint, portal: u32) -> Option<Self> {
         let (pane, face) = (portal / FACES.len() as u32, FACES[portal as usize % FACES.len()]);
+        if scene.media().is_immersed(pane) {
+            return None;
+        }
         let geometry = &scene.panes()[pane as usize];
         let origin = geometry.frame.point_to_local(point.position);
         let side = PaneSide::facing(geometry, origin).filter(|side| side.near == face)?;

@@ -313,6 +313,9 @@ impl Reflections<'_> {
         arrive: &mut dyn FnMut(Arrival),
     ) {
         let Self { scene, point, light, sample, solver, max_trials } = *self;
+        if scene.media().is_immersed(pane) {
+            return;
+        }
         let geometry = &scene.panes()[pane as usize];
         let frame = &geometry.frame;
         let origin = frame.point_to_local(point.position);

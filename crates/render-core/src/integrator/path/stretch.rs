@@ -1,0 +1,57 @@
+//! The stretch of a path since its last vertex that scatters light into a solid angle: what may own its light.
+
+use arrayvec::ArrayVec;
+
+use crate::geometry::MOST_PASSED;
+use crate::light::Receiver;
+use crate::scene::ShadingPoint;
+use crate::specular::Link;
+use crate::specular::scope::MOST_SPECULAR_VERTICES;
+
+/// The stretch of a path since its last diffuse vertex.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    /// The diffuse vertex; `None` before the first.
+    pub(super) from: Option<Origin>,
+    /// How many walls it has gone straight through since then, before any other specular vertex.
+    pub(super) walls: usize,
+    /// How far it is to the last of them, metres.
+    pub(super) length: f64,
+    /// The specular vertices since then, but for those walls.
+    pub(super) links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
+    /// Whether no method owns it: of more specular vertices than any looks for, or over one that none searches.
+    pub(super) is_left_to_chance: bool,
+    /// Whether next event estimation finds none of it: it goes straight through what stops a shadow ray.
+    pub(super) is_unseen: bool,
+}
+
+impl Stretch {
+    pub(super) fn new(from: Option<Origin>) -> Self {
+        Self { from, walls: 0, length: 0.0, links: ArrayVec::new(), is_left_to_chance: false, is_unseen: false }
+    }
+
+    pub(super) fn push(&mut self, link: Link) {
+        self.is_left_to_chance |= self.walls > 0 || self.links.try_push(link).is_err();
+    }
+
+    /// Goes straight through a wall, `distance` behind the last vertex. No method searches it.
+    pub(super) fn pass(&mut self, wall: Link, distance: f64) {
+        if self.links.is_empty() && self.walls < MOST_PASSED {
+            self.walls += 1;
+            self.length += distance;
+        } else {
+            self.push(wall);
+            self.is_left_to_chance = true;
+        }
+    }
+}
+
+/// The diffuse vertex at which a stretch begins.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Origin {
+    pub(super) point: ShadingPoint,
+    /// How it has asked for light.
+    pub(super) receiver: Receiver,
+    /// The BSDF's density per solid angle with which the stretch's first direction was drawn.
+    pub(super) pdf: f64,
+}
