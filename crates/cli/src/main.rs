@@ -19,6 +19,7 @@ mod image_file;
 mod job_argument;
 mod job_end;
 mod job_samples;
+mod leading_options;
 mod like;
 mod local_farm;
 mod local_image;

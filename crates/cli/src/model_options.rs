@@ -5,8 +5,12 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use clerestory_render_core::bsdf::MaterialDescription;
 use clerestory_render_core::document::ModelOptions;
-use clerestory_render_core::scene::import::{GlazeRule, MaterialRule, OLD_GLASS, UpAxis, hex_colour, profile};
+use clerestory_render_core::scene::import::{
+    GlazeRule, LeadingRule, MaterialRule, OLD_GLASS, UpAxis, hex_colour, profile,
+};
 use serde_json::json;
+
+use crate::leading_options::{FILLINGS, filling, mixed};
 
 /// Options for glTF and OBJ files.
 #[derive(Clone, Debug, Default, Args)]
@@ -66,41 +70,81 @@ enum Axis {
     Z,
 }
 
-/// `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`.
+/// What rectangles of a building become: panes of `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`, or
+/// leaded windows of `PATTERN=FILLING[,quarry=WxH][,glass=NAME+...][,seed=N]`.
 #[derive(Clone, Debug)]
-pub(crate) struct Glaze(pub(crate) GlazeRule);
+pub(crate) enum Glaze {
+    Panes(GlazeRule),
+    Lead(LeadingRule),
+}
 
 impl FromStr for Glaze {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let usual =
-            "PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N], such as 'Window*=crown,colour=#d8e8d0'";
+        let usual = "PATTERN=GLASS with settings after commas, such as 'Window*=crown,colour=#d8e8d0' or \
+                     'Window*=diamonds,quarry=0.1x0.15'";
         let (pattern, rest) = text.split_once('=').ok_or_else(|| format!("expected {usual}"))?;
-        let mut settings = rest.split(',');
-        let name = settings.next().unwrap_or_default();
-        let (mut thickness, mut transmitted, mut seed) = (None, [1.0; 3], 1);
-        for setting in settings {
-            let (name, value) = setting.split_once('=').unwrap_or((setting, ""));
-            let wrong = |expected: &str| format!("{name}: found {value:?}, expected {expected}");
-            match name {
-                "thickness" => {
-                    let metres = value.parse().ok().filter(|metres: &f64| *metres > 0.0 && *metres <= 1.0);
-                    thickness = Some(metres.ok_or_else(|| wrong("metres, more than 0 and at most 1"))?);
-                }
-                "colour" | "color" => {
-                    transmitted = hex_colour(value).ok_or_else(|| wrong("a colour such as #d8e8d0"))?
-                }
-                "seed" => seed = value.parse().map_err(|_| wrong("a whole number"))?,
-                _ => return Err(format!("found {setting:?}, expected thickness=, colour= or seed=")),
-            }
+        let (name, settings) = rest.split_once(',').unwrap_or((rest, ""));
+        let settings: Vec<(&str, &str)> = settings
+            .split(',')
+            .filter(|setting| !setting.is_empty())
+            .map(|setting| setting.split_once('=').unwrap_or((setting, "")))
+            .collect();
+        if FILLINGS.contains(&name) {
+            return leaded(pattern, name, &settings).map(Self::Lead);
         }
-        let [Some(front), Some(back)] = [seed, seed + 1].map(|seed| profile(name, seed)) else {
-            return Err(format!("found the profile {name:?}, expected one of {}", OLD_GLASS.join(", ")));
-        };
-        let rule = GlazeRule { thickness, front, back, ..GlazeRule::flat(pattern) };
-        Ok(Self(rule.coloured(transmitted)))
+        if OLD_GLASS.contains(&name) {
+            return panes(pattern, name, &settings).map(Self::Panes);
+        }
+        let known: Vec<&str> = OLD_GLASS.into_iter().chain(FILLINGS).collect();
+        Err(format!("found the glass {name:?}, expected one of {}", known.join(", ")))
     }
+}
+
+fn wrong(name: &str, value: &str, expected: &str) -> String {
+    format!("{name}: found {value:?}, expected {expected}")
+}
+
+fn seed_in(value: &str) -> Result<u64, String> {
+    value.parse().map_err(|_| wrong("seed", value, "a whole number"))
+}
+
+fn panes(pattern: &str, name: &str, settings: &[(&str, &str)]) -> Result<GlazeRule, String> {
+    let (mut thickness, mut transmitted, mut seed) = (None, [1.0; 3], 1);
+    for (setting, value) in settings {
+        match *setting {
+            "thickness" => {
+                let metres = value.parse().ok().filter(|metres: &f64| *metres > 0.0 && *metres <= 1.0);
+                thickness = Some(metres.ok_or_else(|| wrong(setting, value, "metres, more than 0 and at most 1"))?);
+            }
+            "colour" | "color" => {
+                transmitted = hex_colour(value).ok_or_else(|| wrong(setting, value, "a colour such as #d8e8d0"))?;
+            }
+            "seed" => seed = seed_in(value)?,
+            _ => return Err(format!("found {setting:?}, expected thickness=, colour= or seed=")),
+        }
+    }
+    let [front, back] = [seed, seed.wrapping_add(1)].map(|seed| profile(name, seed).unwrap_or_default());
+    let rule = GlazeRule { thickness, front, back, ..GlazeRule::flat(pattern) };
+    Ok(rule.coloured(transmitted))
+}
+
+fn leaded(pattern: &str, name: &str, settings: &[(&str, &str)]) -> Result<LeadingRule, String> {
+    let (mut quarry, mut rule) = (None, LeadingRule::new(pattern));
+    for (setting, value) in settings {
+        match *setting {
+            "quarry" => quarry = Some(value.parse().map_err(|error| format!("quarry: {error}"))?),
+            "glass" => {
+                let names: Vec<String> = value.split('+').map(str::to_owned).collect();
+                rule.design.glass = mixed(&names);
+            }
+            "seed" => rule.design.seed = seed_in(value)?,
+            _ => return Err(format!("found {setting:?}, expected quarry=, glass= or seed=")),
+        }
+    }
+    rule.design.filling = filling(name, quarry).unwrap_or_default();
+    Ok(rule)
 }
 
 /// Longest name of a material that is named by its settings, bytes.
@@ -141,7 +185,7 @@ mod tests {
 
     #[test]
     fn glass_is_a_profile_with_thickness_and_colour() {
-        let Glaze(rule) = "Window*=crown,thickness=0.002,colour=#ffff80".parse().unwrap();
+        let Glaze::Panes(rule) = "Window*=crown,thickness=0.002,colour=#ffff80".parse().unwrap() else { panic!() };
         assert_eq!((rule.pattern.as_str(), rule.thickness), ("Window*", Some(0.002)));
         assert_eq!(&rule.absorption[..2], [0.0, 0.0]);
         // A byte of 128 lets 21.6 % through.

@@ -25,10 +25,11 @@ pub(crate) struct ImportArguments {
     /// The scene file to write, in the folder of the file [default: the file's name with .json].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Make window panes of what has such a name: `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`.
-    /// Profiles are crown, cylinder, hammered and flat; `*` in a pattern stands for any text. Can be given several
-    /// times.
-    #[arg(long, value_name = "PATTERN=PROFILE")]
+    /// Make windows of what has such a name. Panes are `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`,
+    /// with the profiles crown, cylinder, hammered and flat. Leaded windows are
+    /// `PATTERN=FILLING[,quarry=WxH][,glass=NAME+...][,seed=N]`, with the fillings diamonds, rectangles, roundels,
+    /// border and plain. `*` in a pattern stands for any text. Can be given several times.
+    #[arg(long, value_name = "PATTERN=GLASS")]
     glaze: Vec<Glaze>,
     /// Give what has such a name another material: a colour such as #d8d0c0, mirror, glass, water, or JSON as in a
     /// scene file. Can be given several times.
@@ -50,7 +51,12 @@ pub(crate) fn run(arguments: &ImportArguments) -> Result<(), Failure> {
     check_outputs(&[("--output", Some(&output))], &[("the file", Some(file))])?;
     check_folder(file, &output)?;
     let mut options = arguments.options.model();
-    options.glaze = arguments.glaze.iter().map(|Glaze(rule)| rule.clone()).collect();
+    for glaze in &arguments.glaze {
+        match glaze {
+            Glaze::Panes(rule) => options.glaze.push(rule.clone()),
+            Glaze::Lead(rule) => options.lead.push(rule.clone()),
+        }
+    }
     options.materials =
         arguments.material.iter().map(|MaterialChoice(rule, material)| (rule.clone(), material.clone())).collect();
     let activity = Activity::begin("Reading the file");
@@ -82,7 +88,7 @@ fn check_folder(file: &Path, output: &Path) -> Result<(), Failure> {
 }
 
 fn report(model: &ModelScene, triangles: u64, size: Option<[f64; 3]>, output: &Path) -> Result<(), Failure> {
-    let Expansion { meshes, materials, panes, lights, cameras, windows, .. } = &model.expansion;
+    let Expansion { meshes, materials, panes, leaded, leaded_windows, lights, cameras, windows, .. } = &model.expansion;
     print_line(&format!(
         "{}: {} meshes of {triangles} triangles, {} materials, {} panes, {} lights and {} cameras of the file",
         output.display(),
@@ -92,6 +98,9 @@ fn report(model: &ModelScene, triangles: u64, size: Option<[f64; 3]>, output: &P
         lights.len(),
         cameras.len()
     ))?;
+    if *leaded_windows > 0 {
+        print_line(&format!("- {leaded_windows} leaded windows of {} pieces of glass", leaded.panes.len()))?;
+    }
     if let Some([x, y, z]) = size {
         print_line(&format!("- It is {x:.2} x {y:.2} m wide and {z:.2} m high, unless --unit or --up say otherwise"))?;
     }

@@ -2,14 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use clerestory_glazing::{
-    Arch, Border, Diamonds, DrawingStyle, Filling, GlassPattern, Head, Intersecting, MixedGlass, Mullions, Opening,
-    Rectangles, Roundels, Tracery, UniformGlass, Wall, WeightedGlass, WindowDesign, svg,
-};
+use clerestory_glazing::{Arch, DrawingStyle, Head, Intersecting, Mullions, Opening, Tracery, Wall, WindowDesign, svg};
 use clerestory_render_core::document::window_scene::{window_of, window_scene};
 use clerestory_render_core::document::{Override, SceneDescription, apply};
 use clerestory_render_core::scene::SceneError;
@@ -19,6 +15,7 @@ use clerestory_render_core::scene::window::{
 use clerestory_render_core::settings::JsonPath;
 
 use crate::failure::Failure;
+use crate::leading_options::{FILLINGS, Quarry, filling, mixed};
 use crate::numbers::whole;
 use crate::output::print_line;
 use crate::output_file::{check_outputs, write};
@@ -45,7 +42,7 @@ pub(super) struct WindowArguments {
     /// How each light is divided into pieces.
     #[arg(
         long, value_name = "FILLING", default_value = "diamonds",
-        value_parser = ["diamonds", "rectangles", "roundels", "border", "plain"]
+        value_parser = PossibleValuesParser::new(FILLINGS)
     )]
     filling: String,
     /// Width and height of a quarry, or the diameter of a roundel, metres.
@@ -70,23 +67,6 @@ pub(super) struct WindowArguments {
     /// The drawing to write, an SVG file.
     #[arg(long, value_name = "FILE")]
     drawing: Option<PathBuf>,
-}
-
-/// A width and a height, metres.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Quarry([f64; 2]);
-
-impl FromStr for Quarry {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (width, height) = text.split_once('x').unwrap_or((text, text));
-        let [width, height] = [width, height].map(|part| part.trim().parse::<f64>().ok().filter(|size| *size > 0.0));
-        match (width, height) {
-            (Some(width), Some(height)) => Ok(Self([width, height])),
-            _ => Err(format!("found {text}, expected metres such as 0.1x0.15, or one number for both")),
-        }
-    }
 }
 
 /// The place of the window in its scene, before which paths start.
@@ -130,14 +110,8 @@ impl WindowArguments {
             (lights, "intersecting") => Tracery::Intersecting(Intersecting { lights }),
             (lights, _) => Tracery::Mullions(Mullions { lights, head: None }),
         };
-        design.filling = self.filling();
-        design.glass = match self.glass.as_slice() {
-            [name] => GlassPattern::Uniform(UniformGlass { name: name.clone() }),
-            names => {
-                let kind = |name: &String| WeightedGlass { name: name.clone(), weight: 1.0 };
-                GlassPattern::Mixed(MixedGlass { kinds: names.iter().map(kind).collect() })
-            }
-        };
+        design.filling = filling(&self.filling, self.quarry).unwrap_or_default();
+        design.glass = mixed(&self.glass);
         design.seed = self.seed;
         design.wall = Some(Wall::default());
         let mut window = window_of(design, self.kinds());
@@ -155,31 +129,6 @@ impl WindowArguments {
             (name.clone(), GlassDescription { colour, ..GlassDescription::float() })
         };
         self.glass.iter().map(flat).collect()
-    }
-
-    fn filling(&self) -> Filling {
-        let diamonds = || match self.quarry {
-            Some(Quarry([width, height])) => Diamonds { width, height },
-            None => Diamonds::default(),
-        };
-        match self.filling.as_str() {
-            "plain" => Filling::Plain,
-            "rectangles" => {
-                let usual = Rectangles::default();
-                let Quarry([width, height]) = self.quarry.unwrap_or(Quarry([usual.width, usual.height]));
-                Filling::Rectangles(Rectangles { width, height, ..usual })
-            }
-            "roundels" => {
-                let usual = Roundels::default();
-                let Quarry([diameter, _]) = self.quarry.unwrap_or(Quarry([usual.diameter; 2]));
-                Filling::Roundels(Roundels { diameter, ..usual })
-            }
-            "border" => {
-                let field = Box::new(Filling::Diamonds(diamonds()));
-                Filling::Border(Border { width: 0.06, length: None, glass: None, field })
-            }
-            _ => Filling::Diamonds(diamonds()),
-        }
     }
 }
 

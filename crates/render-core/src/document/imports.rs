@@ -44,10 +44,11 @@ impl SceneDescription {
             let imports = root.member("imports");
             let expansion = expand(import, assets, &imports.element(index))?;
             notes.extend(expansion.remarks());
-            let Expansion { materials, meshes, panes, lights, .. } = expansion;
+            let Expansion { materials, meshes, panes, lights, leaded, .. } = expansion;
             scene.materials.extend(materials);
             scene.meshes.extend(meshes);
             scene.panes.extend(panes);
+            scene.add_window(leaded);
             // A light of the scene itself takes the place of one that the file makes of the same mesh.
             let is_own = |light: &LightDescription| light.mesh().is_some_and(|mesh| own.contains(mesh));
             scene.lights.extend(lights.into_iter().filter(|light| !is_own(light)));
@@ -55,16 +56,20 @@ impl SceneDescription {
         for (index, window) in std::mem::take(&mut scene.windows).iter().enumerate() {
             let root = JsonPath::Root;
             let windows = root.member("windows");
-            let WindowExpansion { materials, meshes, sheets, panes } = window::expand(window, &windows.element(index))?;
-            for (name, material) in materials {
-                scene.materials.entry(name).or_insert(material);
-            }
-            scene.sheets.extend(sheets);
-            scene.meshes.extend(meshes);
-            scene.panes.extend(panes);
+            scene.add_window(window::expand(window, &windows.element(index))?);
         }
         scene.validate().map_err(|error| scene.named(error))?;
         Ok((Cow::Owned(scene), bounded(notes)))
+    }
+
+    fn add_window(&mut self, window: WindowExpansion) {
+        let WindowExpansion { materials, meshes, sheets, panes } = window;
+        for (name, material) in materials {
+            self.materials.entry(name).or_insert(material);
+        }
+        self.sheets.extend(sheets);
+        self.meshes.extend(meshes);
+        self.panes.extend(panes);
     }
 
     /// An error about a thing that the scene file does not have, with its name in place of its number.

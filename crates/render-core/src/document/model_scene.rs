@@ -11,7 +11,8 @@ use crate::bsdf::{MaterialDescription, ThinWallMaterial};
 use crate::light::{EnvironmentLight, EnvironmentRadiance, LightDescription, SunLight};
 use crate::scene::description::{CameraDescription, FilmDescription};
 use crate::scene::import::{
-    Expansion, GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis, Window, expand, files_of,
+    Expansion, GlazeRule, ImportDescription, ImportFiles, ImportSource, LeadingRule, MaterialRule, UpAxis, Window,
+    expand, files_of,
 };
 use crate::scene::{Assets, Scene, SceneError, View, view_of};
 use crate::settings::{AssetProblem, JsonPath, SCENE_FORMAT_VERSION, Triple};
@@ -25,6 +26,8 @@ pub struct ModelOptions {
     pub up: Option<UpAxis>,
     /// What becomes window panes.
     pub glaze: Vec<GlazeRule>,
+    /// What becomes leaded windows.
+    pub lead: Vec<LeadingRule>,
     /// Materials in place of those of the file, with their names.
     pub materials: Vec<(MaterialRule, MaterialDescription)>,
 }
@@ -77,6 +80,7 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
         up: options.up.unwrap_or_default(),
         materials: options.materials.iter().map(|(rule, _)| rule.clone()).collect(),
         glaze: options.glaze.clone(),
+        lead: options.lead.clone(),
         ..ImportDescription::of(short(stem), source)
     };
     let mut description = SceneDescription {

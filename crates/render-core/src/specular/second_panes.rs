@@ -124,7 +124,10 @@ impl SecondPanes {
         let hit = scene.accelerator().closest_hit(ray, f64::INFINITY, ray_origin, counters)?;
         let Surface::Pane { index, .. } = hit.surface else { return None };
         let pane = &scene.panes()[index as usize];
-        if hit.distance > reach(first, pane) || scene.blocked_by_light(ray, hit.distance, None) {
+        if scene.media().is_immersed(index) || hit.distance > reach(first, pane) {
+            return None;
+        }
+        if scene.blocked_by_light(ray, hit.distance, None) {
             return None;
         }
         let frame = &pane.frame;

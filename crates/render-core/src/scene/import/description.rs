@@ -1,5 +1,6 @@
 //! Files of other programs, as a scene file names them.
 
+use super::leading::LeadingRule;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,9 @@ pub struct ImportDescription {
     /// What becomes window panes. The first rule that fits counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub glaze: Vec<GlazeRule>,
+    /// What becomes leaded windows. The first rule that fits counts, before all of `glaze`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lead: Vec<LeadingRule>,
 }
 
 fn one() -> f64 {
@@ -91,6 +95,7 @@ impl ImportDescription {
             lights: yes(),
             materials: Vec::new(),
             glaze: Vec::new(),
+            lead: Vec::new(),
         }
     }
 }
@@ -231,7 +236,9 @@ impl ImportDescription {
             }
         }
         let rules = path.member("glaze");
-        self.glaze.iter().enumerate().try_for_each(|(index, rule)| rule.check(&rules.element(index)))
+        self.glaze.iter().enumerate().try_for_each(|(index, rule)| rule.check(&rules.element(index)))?;
+        let rules = path.member("lead");
+        self.lead.iter().enumerate().try_for_each(|(index, rule)| rule.check(&rules.element(index)))
     }
 }
 

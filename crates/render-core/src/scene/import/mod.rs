@@ -8,6 +8,7 @@ mod expand;
 mod glazing;
 pub(crate) mod gltf;
 mod gltf_materials;
+mod leading;
 mod obj_materials;
 mod of_gltf;
 mod of_obj;
@@ -17,6 +18,7 @@ mod windows;
 
 pub use description::{GlazeRule, ImportDescription, ImportFiles, ImportSource, MaterialRule, UpAxis};
 pub use expand::files_of;
+pub use leading::{FittedDesign, LeadingRule};
 pub use old_glass::{OLD_GLASS, hex_colour, profile};
 pub use things::{Expansion, FLAT_THICKNESS, ImportedCamera};
 pub use windows::Window;

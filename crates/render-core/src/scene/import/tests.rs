@@ -138,6 +138,41 @@ fn a_window_becomes_a_pane_by_rule_or_by_what_its_program_says() {
 }
 
 #[test]
+fn a_rectangle_becomes_a_leaded_window_that_stands_upright_in_it() {
+    let named = |turn: Value| {
+        file(move |builder| {
+            builder.json["nodes"][0]["name"] = json!("Window");
+            builder.json["nodes"][0]["rotation"] = turn;
+        })
+    };
+    let rule = json!({"lead": [{"match": "Window", "design": {"filling": {"rectangles": {"width": 0.25, "height": 0.2}},
+        "tilt": 0}}]});
+    // As it is, and lying on its side.
+    for turn in [json!([0, 0, 0, 1]), json!([0, 0, 0.5f64.sqrt(), 0.5f64.sqrt()])] {
+        let expansion = expanded(rule.clone(), &named(turn.clone()));
+        let leaded = &expansion.leaded;
+        assert_eq!((expansion.leaded_windows, leaded.panes.len(), leaded.sheets.len()), (1, 20, 1));
+        assert!(expansion.meshes.is_empty() && expansion.panes.is_empty() && expansion.unglazed.is_empty());
+        for pane in &leaded.panes {
+            assert!((pane.y_axis[2] - 1.0).abs() < 1e-9 && pane.height < pane.width, "{turn}: {pane:?}");
+        }
+        let scene = built(json!([import(rule.clone())]), named(turn)).unwrap();
+        assert_eq!(scene.scene().panes().len(), 20);
+    }
+}
+
+#[test]
+fn an_opening_that_takes_no_window_stays_a_mesh_and_says_why() {
+    let assets = file(|builder| builder.json["nodes"][0]["scale"] = json!([0.004, 0.004, 1]));
+    let expansion = expanded(json!({"lead": [{"match": "*"}]}), &assets);
+    assert_eq!((expansion.meshes.len(), expansion.leaded_windows), (1, 0));
+    assert!(expansion.unglazed[0].1.contains("design.opening.arch.width"), "{:?}", expansion.unglazed);
+    let wrong = json!([import(json!({"lead": [{"match": "*", "design": {"tilt": 9}}]}))]);
+    let error = SceneDescription::parse(scene_text(wrong).as_bytes()).unwrap_err();
+    assert_eq!(error.path(), "imports[0].lead[0].design.tilt", "{error}");
+}
+
+#[test]
 fn what_is_no_pane_stays_a_mesh_and_says_why() {
     let assets = file(|builder| {
         let triangle =

@@ -15,7 +15,9 @@ use crate::scene::description::{
 };
 use crate::scene::mesh::is_degenerate;
 use crate::scene::profile::shortest_wavelength;
+use crate::scene::window::WindowExpansion;
 use crate::settings::AssetProblem;
+use crate::settings::JsonPath;
 use crate::settings::Triple;
 use crate::settings::check::Quoted;
 use crate::settings::limits::{MAX_IMPORTED_THINGS, MAX_NAME_BYTES, PANE_EDGES};
@@ -31,6 +33,10 @@ pub struct Expansion {
     pub meshes: Vec<MeshDescription>,
     /// Panes, where rules make some.
     pub panes: Vec<PaneDescription>,
+    /// What leaded windows are made of, where rules make some.
+    pub leaded: WindowExpansion,
+    /// How many leaded windows there are.
+    pub leaded_windows: usize,
     /// Lights, if they shine.
     pub lights: Vec<LightDescription>,
     /// Cameras, which a scene takes by hand.
@@ -207,8 +213,9 @@ pub(super) struct Assembly<'a> {
     windows: Windows,
     materials: Patterns<'a>,
     glaze: Patterns<'a>,
-    /// The rules that have fitted something: of materials, and of glazing.
-    used: [BTreeSet<usize>; 2],
+    lead: Patterns<'a>,
+    /// The rules that have fitted something: of materials, of glazing and of leading.
+    used: [BTreeSet<usize>; 3],
 }
 
 impl<'a> Assembly<'a> {
@@ -221,7 +228,8 @@ impl<'a> Assembly<'a> {
             windows: Windows::default(),
             materials: Patterns::new(import.materials.iter().map(|rule| &rule.pattern)),
             glaze: Patterns::new(import.glaze.iter().map(|rule| &rule.pattern)),
-            used: <[BTreeSet<usize>; 2]>::default(),
+            lead: Patterns::new(import.lead.iter().map(|rule| &rule.pattern)),
+            used: <[BTreeSet<usize>; 3]>::default(),
         }
     }
 
@@ -241,13 +249,19 @@ impl<'a> Assembly<'a> {
         mut thing: Thing,
         mut corners: impl FnMut() -> Result<Corners, AssetProblem>,
     ) -> Result<(), AssetProblem> {
-        if self.expansion.meshes.len() + self.expansion.panes.len() >= MAX_IMPORTED_THINGS {
+        let leaded = self.expansion.leaded.meshes.len() + self.expansion.leaded.panes.len();
+        if self.expansion.meshes.len() + self.expansion.panes.len() + leaded >= MAX_IMPORTED_THINGS {
             let limit = format!("{MAX_IMPORTED_THINGS} of them: join what has one material");
             return Err(AssetProblem::TooLarge { found: "more meshes and panes".to_owned(), limit });
         }
         if thing.emission.is_some() && thing.is_empty(&corners()?) {
             self.expansion.notes.push(format!("{}: it emits no light, since it has no area", thing.name));
             thing.emission = None;
+        }
+        let leading = self.lead.first(&thing);
+        self.used[2].extend(leading);
+        if let Some(index) = leading {
+            return self.add_pieces(thing, corners()?, &mut |assembly, name, fit| assembly.lead_in(index, name, fit));
         }
         let index = self.glaze.first(&thing);
         self.used[1].extend(index);
@@ -256,27 +270,37 @@ impl<'a> Assembly<'a> {
             self.add_mesh(thing);
             return Ok(());
         };
+        self.add_pieces(thing, corners()?, &mut |assembly, name, fit| {
+            let pane = rule.pane(String::new(), fit, assembly.expansion.panes.len() as u64);
+            check_size(&pane).and_then(|()| check_resolved(&pane))?;
+            let name = assembly.name(name);
+            assembly.expansion.panes.push(PaneDescription { name, ..pane });
+            Ok(())
+        })
+    }
+
+    /// Glazes the pieces of a thing that are rectangles, each by itself, or says why it cannot be. The others stay a
+    /// mesh.
+    fn add_pieces(
+        &mut self,
+        thing: Thing,
+        corners: Corners,
+        glaze: &mut dyn FnMut(&mut Self, &str, &PaneFit) -> Result<(), String>,
+    ) -> Result<(), AssetProblem> {
         if thing.emission.is_some() && self.import.lights {
             self.expansion.notes.push(format!("{}: glass emits no light, though its material does", thing.name));
         }
-        let (mut rest, before) = (Vec::new(), self.expansion.panes.len());
-        for piece in thing.pieces(corners()?) {
-            let pane = piece.fit.as_ref().map_err(String::clone).and_then(|fit| {
-                let pane = rule.pane(String::new(), fit, self.expansion.panes.len() as u64);
-                check_size(&pane).and_then(|()| check_resolved(&pane)).map(|()| pane)
-            });
-            match pane {
-                Ok(pane) => {
-                    let name = self.name(&thing.name);
-                    self.expansion.panes.push(PaneDescription { name, ..pane });
-                }
+        let (mut rest, mut is_glazed) = (Vec::new(), false);
+        for piece in thing.pieces(corners) {
+            match piece.fit.as_ref().map_err(String::clone).and_then(|fit| glaze(self, &thing.name, fit)) {
+                Ok(()) => is_glazed = true,
                 Err(reason) => {
                     self.expansion.unglazed.push((thing.name.clone(), reason));
                     rest.push(piece);
                 }
             }
         }
-        if self.expansion.panes.len() == before {
+        if !is_glazed {
             // Such as the textured frame of a window, which is called like one.
             self.add_mesh(thing);
         } else if !rest.is_empty() {
@@ -286,6 +310,22 @@ impl<'a> Assembly<'a> {
             let emission = thing.emission.filter(|emission| emission.texture.is_none());
             self.add_mesh(Thing { source, to_scene, emission, ..thing });
         }
+        Ok(())
+    }
+
+    /// Puts a leaded window into a rectangle.
+    fn lead_in(&mut self, rule: usize, name: &str, fit: &PaneFit) -> Result<(), String> {
+        let root = JsonPath::Root;
+        let rules = root.member("lead");
+        let (number, name) = (self.expansion.leaded_windows as u64, self.name(name));
+        let window = self.import.lead[rule].window_in(name, fit, number, &rules.element(rule));
+        let WindowExpansion { materials, meshes, sheets, panes } = window.map_err(|error| error.to_string())?;
+        let leaded = &mut self.expansion.leaded;
+        leaded.materials.extend(materials);
+        leaded.meshes.extend(meshes);
+        leaded.sheets.extend(sheets);
+        leaded.panes.extend(panes);
+        self.expansion.leaded_windows += 1;
         Ok(())
     }
 
@@ -347,12 +387,14 @@ impl<'a> Assembly<'a> {
 
     /// All of it.
     pub(super) fn finish(self) -> Expansion {
-        let Self { import, mut expansion, windows, used: [materials, glaze], .. } = self;
+        let Self { import, mut expansion, windows, used: [materials, glaze, lead], .. } = self;
         let of_materials = import.materials.iter().map(|rule| &rule.pattern).enumerate();
         let of_glaze = import.glaze.iter().map(|rule| &rule.pattern).enumerate();
+        let of_lead = import.lead.iter().map(|rule| &rule.pattern).enumerate();
         let idle = of_materials
             .filter(|(index, _)| !materials.contains(index))
-            .chain(of_glaze.filter(|(index, _)| !glaze.contains(index)));
+            .chain(of_glaze.filter(|(index, _)| !glaze.contains(index)))
+            .chain(of_lead.filter(|(index, _)| !lead.contains(index)));
         let notes = idle.map(|(_, pattern)| {
             format!("the rule for {} does nothing: no name fits it that none before it fits", Quoted(pattern))
         });

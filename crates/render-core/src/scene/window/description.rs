@@ -92,6 +92,12 @@ impl WindowDescription {
             let expected = format!("a direction that is not parallel to x_axis ({})", Numbers(&self.x_axis));
             return Err(SceneError::value(&path.member("y_axis"), Numbers(&self.y_axis), expected));
         }
+        self.check_kinds(path)?;
+        check_range(self.name.len(), 1, MAX_WINDOW_NAME_BYTES, &path.member("name"))
+    }
+
+    /// Checks the kinds of glass and the protective pane.
+    pub(crate) fn check_kinds(&self, path: &JsonPath<'_>) -> Check {
         let kinds = path.member("glass");
         for (name, glass) in &self.glass {
             check_name(name, &kinds)?;
@@ -102,7 +108,7 @@ impl WindowDescription {
             check_above(outer.distance, 0.0, 1.0, &path.member("distance"))?;
             outer.glass.check(&path.member("glass"))?;
         }
-        check_range(self.name.len(), 1, MAX_WINDOW_NAME_BYTES, &path.member("name"))
+        Ok(())
     }
 
     /// The kind of glass of this name; `None` where there is none.

@@ -1,0 +1,150 @@
+//! Leaded windows in the openings of a building, in place of the rectangles that modellers put there.
+
+use std::collections::BTreeMap;
+
+use clerestory_glazing::{Arch, Bars, Filling, GlassPattern, Head, Lead, Opening, StoneSection, Tracery, WindowDesign};
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::glazing::PaneFit;
+use crate::math::hash::mix;
+use crate::scene::window::{GlassDescription, OuterGlazing, WindowDescription, WindowExpansion, expand};
+use crate::settings::{Check, JsonPath, SceneError};
+
+/// Makes leaded windows of flat rectangles and of thin closed boxes of an import. They have the members of the windows
+/// of a scene; their openings are the rectangles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LeadingRule {
+    /// Which: a pattern of the names of meshes and materials, in which `*` stands for any characters.
+    #[serde(rename = "match")]
+    pub pattern: String,
+    /// How the openings are divided, leaded and barred.
+    #[serde(default)]
+    pub design: FittedDesign,
+    /// Kinds of glass by the names that `design` gives them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub glass: BTreeMap<String, GlassDescription>,
+    /// A protective pane outside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outer: Option<OuterGlazing>,
+}
+
+/// A window without its opening and its wall: those of the building.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FittedDesign {
+    /// How stone or timber divides the opening into lights.
+    pub tracery: Tracery,
+    /// The section of the tracery; not used where there is none.
+    pub stone: StoneSection,
+    /// How each light is divided into pieces.
+    pub filling: Filling,
+    /// Which kinds of glass the pieces are cut from, where the filling does not say it.
+    pub glass: GlassPattern,
+    /// What holds the pieces.
+    pub lead: Lead,
+    /// Iron bars on the inside of the glass.
+    pub bars: Bars,
+    /// Standard deviation of the rotation of pieces about x and y, degrees; 0 to 5.
+    #[schemars(range(min = 0.0, max = 5.0))]
+    pub tilt: f64,
+    /// Standard deviation of the thickness of pieces, as a part of it; 0 to 0.3.
+    #[schemars(range(min = 0.0, max = 0.3))]
+    pub thickness_variation: f64,
+    /// Seed of everything that differs from piece to piece. Each window has another one, which follows from it.
+    pub seed: u64,
+}
+
+impl Default for FittedDesign {
+    fn default() -> Self {
+        let WindowDesign {
+            opening: _,
+            tracery,
+            stone,
+            filling,
+            glass,
+            lead,
+            bars,
+            wall: _,
+            tilt,
+            thickness_variation,
+            seed,
+        } = WindowDesign::new(Opening::Arch(Arch { width: 1.0, height: 1.0, head: Head::Rectangle }));
+        Self { tracery, stone, filling, glass, lead, bars, tilt, thickness_variation, seed }
+    }
+}
+
+impl FittedDesign {
+    /// The design in a rectangular opening of this size, metres; `number` makes it another than that of others.
+    fn within(&self, [width, height]: [f64; 2], number: u64) -> WindowDesign {
+        let Self { tracery, stone, filling, glass, lead, bars, tilt, thickness_variation, seed } = self.clone();
+        WindowDesign {
+            opening: Opening::Arch(Arch { width, height, head: Head::Rectangle }),
+            tracery,
+            stone,
+            filling,
+            glass,
+            lead,
+            bars,
+            wall: None,
+            tilt,
+            thickness_variation,
+            seed: mix(seed.wrapping_add(number)),
+        }
+    }
+}
+
+impl LeadingRule {
+    /// Diamonds of clear sheet glass, as is usual, of what has such a name.
+    pub fn new(pattern: &str) -> Self {
+        Self { pattern: pattern.to_owned(), design: FittedDesign::default(), glass: BTreeMap::new(), outer: None }
+    }
+
+    /// Checks what can be checked without an opening.
+    pub(super) fn check(&self, path: &JsonPath<'_>) -> Check {
+        let window = self.window(String::from("window"), &LARGE, 0);
+        window.check_kinds(path)?;
+        window.design.validate().map_err(|error| SceneError::Value {
+            path: format!("{}.{}", path.member("design"), error.path),
+            found: error.found,
+            expected: error.expected,
+        })
+    }
+
+    /// What a window in a rectangle is made of.
+    ///
+    /// # Errors
+    ///
+    /// As of the windows of a scene, below the member `design` of `path`.
+    pub(super) fn window_in(
+        &self,
+        name: String,
+        fit: &PaneFit,
+        number: u64,
+        path: &JsonPath<'_>,
+    ) -> Result<WindowExpansion, SceneError> {
+        expand(&self.window(name, fit, number), path)
+    }
+
+    fn window(&self, name: String, fit: &PaneFit, number: u64) -> WindowDescription {
+        let inwards = fit.axes[0].cross(fit.axes[1]);
+        // The height is what points upwards most.
+        let tall = usize::from(fit.axes[1].z.abs() >= fit.axes[0].z.abs());
+        let up = fit.axes[tall] * if fit.axes[tall].z < 0.0 { -1.0 } else { 1.0 };
+        let size = [fit.size[1 - tall], fit.size[tall]];
+        WindowDescription {
+            name,
+            sill: (fit.centre - up * (0.5 * size[1])).to_array(),
+            x_axis: up.cross(inwards).to_array(),
+            y_axis: up.to_array(),
+            design: self.design.within(size, number),
+            glass: self.glass.clone(),
+            outer: self.outer.clone(),
+        }
+    }
+}
+
+/// An opening in which any filling fits.
+const LARGE: PaneFit = PaneFit { centre: DVec3::ZERO, axes: [DVec3::X, DVec3::Z], size: [10.0, 10.0], thickness: None };
