@@ -41,6 +41,7 @@ pub use lead::{CameProfile, Cames, Lead};
 pub use mesh::{MeshPart, PlanMesh};
 pub use opening::{Arch, Drop, Foil, Head, Lancet, Ogee, Opening, Roundel, Segmental, Tudor};
 pub use plan::{Came, Piece, PiecePlace, SheetCut, SolderJoint, WindowPlan, Zone};
+pub use polygon::{area, convex_hull, inset_convex};
 pub use stone::{StoneFrame, StoneHole, StoneSection};
 pub use svg::{DrawingStyle, svg};
 pub use tracery::{Geometrical, Intersecting, Mullions, Reticulated, Tracery};

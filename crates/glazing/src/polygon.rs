@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 /// Signed area: positive for counterclockwise polygons.
-pub(crate) fn area(corners: &[DVec2]) -> f64 {
+pub fn area(corners: &[DVec2]) -> f64 {
     let Some(&origin) = corners.first() else { return 0.0 };
     0.5 * edges(corners).map(|[from, to]| (from - origin).perp_dot(to - origin)).sum::<f64>()
 }
@@ -130,8 +130,15 @@ pub(crate) fn clip_half_plane(corners: &[DVec2], through: DVec2, direction: DVec
     clipped
 }
 
+/// The corners of the convex hull of points, counterclockwise, without those on straight edges.
+pub fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
+    let corners: Vec<DVec2> = hull(points).into_iter().map(|index| points[index]).collect();
+    let size = corners.iter().fold(0.0, |size: f64, corner| size.max(corner.distance(corners[0])));
+    cleaned(&corners, 1e-9 * size)
+}
+
 /// A convex polygon without the strip of a width along its edges; empty where nothing is left.
-pub(crate) fn inset_convex(corners: &[DVec2], width: f64) -> Vec<DVec2> {
+pub fn inset_convex(corners: &[DVec2], width: f64) -> Vec<DVec2> {
     let mut inset = corners.to_vec();
     for [from, to] in edges(corners) {
         let direction = (to - from).normalize_or_zero();

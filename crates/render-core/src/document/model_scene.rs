@@ -140,10 +140,11 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
             }
         }
         None => {
-            // Without panes, which take longest to build, and without sheets of glass: windows are open.
+            // Without panes and their sheets, which take longest to build, and without walls of glass: windows are open.
             let expanded = description.expanded(&assets)?;
             let mut walls = expanded.clone().into_owned();
             walls.panes.clear();
+            walls.sheets.clear();
             walls.meshes.retain(|mesh| !expanded.parts().is_left_to_chance(mesh));
             if walls.meshes.is_empty() {
                 walls.meshes.clone_from(&expanded.meshes);

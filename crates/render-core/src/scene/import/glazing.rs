@@ -1,10 +1,13 @@
-//! Window panes from the flat rectangles and thin boxes that modellers put into windows.
+//! Window panes from the flat shapes and thin boxes that modellers put into windows.
 //!
 //! A mesh is cut into its connected pieces. Each piece becomes a pane, or the reason why it does not.
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
+use clerestory_glazing::{area as polygon_area, convex_hull};
+use glam::{DVec2, DVec3};
+
+use crate::geometry::MOST_CORNERS;
 
 /// Longest distance from a plane of what is flat, metres, and as a fraction of the size.
 const FLATNESS: [f64; 2] = [1e-4, 1e-4];
@@ -18,8 +21,8 @@ const AREA_TOLERANCE: f64 = 5e-3;
 /// Largest part of a box that a pane may lack: edges may be rounded.
 const VOLUME_TOLERANCE: f64 = 0.03;
 
-/// A rectangle that becomes a pane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A rectangle or another convex shape that becomes a pane.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PaneFit {
     /// Its middle, between both faces.
     pub(crate) centre: DVec3,
@@ -27,6 +30,8 @@ pub(crate) struct PaneFit {
     pub(crate) axes: [DVec3; 2],
     /// Width and height, metres.
     pub(crate) size: [f64; 2],
+    /// The corners of a flat shape that is no rectangle, from the middle along `axes`, counterclockwise, metres.
+    pub(crate) outline: Option<Vec<DVec2>>,
     /// Distance between the faces of a box, metres; `None` for a flat rectangle.
     pub(crate) thickness: Option<f64>,
 }
@@ -112,9 +117,10 @@ fn fit(triangles: &[[DVec3; 3]]) -> Result<PaneFit, String> {
     let [absolute, relative] = FLATNESS;
     if extent.z <= absolute.min(relative * extent.x.max(extent.y)) {
         if (area / rectangle - 1.0).abs() <= AREA_TOLERANCE {
-            return Ok(PaneFit { centre, axes, size, thickness: None });
+            return Ok(PaneFit { centre, axes, size, outline: None, thickness: None });
         }
-        return Err(format!("it is flat, but its outline is no rectangle: {:.0} % of one", 100.0 * area / rectangle));
+        let outline = convex(triangles, axes, centre, area)?;
+        return Ok(PaneFit { centre, axes, size, outline: Some(outline), thickness: None });
     }
     if extent.z > THICKEST * size[0].min(size[1]) {
         let DVec3 { x, y, z } = extent;
@@ -128,7 +134,24 @@ fn fit(triangles: &[[DVec3; 3]]) -> Result<PaneFit, String> {
     if (filled - 1.0).abs() > VOLUME_TOLERANCE {
         return Err(format!("it is neither flat nor a closed box: it fills {:.0} % of one", 100.0 * filled));
     }
-    Ok(PaneFit { centre, axes, size, thickness: Some(extent.z) })
+    Ok(PaneFit { centre, axes, size, outline: None, thickness: Some(extent.z) })
+}
+
+/// The outline of a flat shape, seen from `centre` along two axes, if it is convex.
+fn convex(triangles: &[[DVec3; 3]], [x, y]: [DVec3; 2], centre: DVec3, area: f64) -> Result<Vec<DVec2>, String> {
+    let local = |corner: &DVec3| DVec2::new((*corner - centre).dot(x), (*corner - centre).dot(y));
+    let points: Vec<DVec2> = triangles.iter().flatten().map(local).collect();
+    let outline = convex_hull(&points);
+    let hull = polygon_area(&outline);
+    if (area / hull - 1.0).abs() > AREA_TOLERANCE {
+        let part = 100.0 * area / hull;
+        return Err(format!("it is flat, but its outline is not convex: it fills {part:.0} % of the convex hull"));
+    }
+    if outline.len() > MOST_CORNERS {
+        let corners = outline.len();
+        return Err(format!("its outline has {corners} corners; panes have at most {MOST_CORNERS}"));
+    }
+    Ok(outline)
 }
 
 /// The smallest and largest coordinates along two axes and a normal.

@@ -117,15 +117,18 @@ impl LeadingRule {
     ///
     /// # Errors
     ///
-    /// As of the windows of a scene, below the member `design` of `path`.
+    /// Why it is none: the shape is no rectangle, or the design does not fit it.
     pub(super) fn window_in(
         &self,
         name: String,
         fit: &PaneFit,
         number: u64,
         path: &JsonPath<'_>,
-    ) -> Result<WindowExpansion, SceneError> {
-        expand(&self.window(name, fit, number), path)
+    ) -> Result<WindowExpansion, String> {
+        if fit.outline.is_some() {
+            return Err("its outline is no rectangle: an arch needs a window of the scene itself".to_owned());
+        }
+        expand(&self.window(name, fit, number), path).map_err(|error| error.to_string())
     }
 
     fn window(&self, name: String, fit: &PaneFit, number: u64) -> WindowDescription {
@@ -147,4 +150,5 @@ impl LeadingRule {
 }
 
 /// An opening in which any filling fits.
-const LARGE: PaneFit = PaneFit { centre: DVec3::ZERO, axes: [DVec3::X, DVec3::Z], size: [10.0, 10.0], thickness: None };
+const LARGE: PaneFit =
+    PaneFit { centre: DVec3::ZERO, axes: [DVec3::X, DVec3::Z], size: [10.0, 10.0], outline: None, thickness: None };

@@ -1,11 +1,14 @@
 //! Files of other programs as things of a scene.
 
+use clerestory_film::counters::Counters;
+use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::gltf::tests::builder::{Builder, F32, SQUARE, U16, floats, shorts};
 use super::*;
 use crate::bsdf::MaterialDescription;
 use crate::document::{SceneBundle, SceneDescription};
+use crate::geometry::{Ray, SurfaceId};
 use crate::integrator::PreparedScene;
 use crate::light::{LightDescription, MeshLight};
 use crate::scene::description::{CameraDescription, MeshSource};
@@ -172,17 +175,45 @@ fn an_opening_that_takes_no_window_stays_a_mesh_and_says_why() {
     assert_eq!(error.path(), "imports[0].lead[0].design.tilt", "{error}");
 }
 
+/// Triangles in the plane of the square.
+fn flat_shape(builder: &mut Builder, corners: &[[f32; 2]]) {
+    let places: Vec<f32> = corners.iter().flat_map(|[x, y]| [*x, *y, 0.0]).collect();
+    let about = json!({"componentType": F32, "type": "VEC3", "count": corners.len()});
+    let positions = builder.accessor(&floats(&places), about);
+    builder.json["meshes"][0]["primitives"][0] = json!({"attributes": {"POSITION": positions}});
+    builder.json["nodes"][0]["name"] = json!("Window");
+}
+
+#[test]
+fn a_flat_arch_becomes_a_pane_of_its_outline_with_a_rim_left_free() {
+    // A lancet of straight edges, as a fan.
+    let outline = [[0.0, 0.0], [0.6, 0.0], [0.6, 0.5], [0.45, 0.9], [0.3, 1.0], [0.15, 0.9], [0.0, 0.5]];
+    let fan: Vec<[f32; 2]> = (1..6).flat_map(|corner| [outline[0], outline[corner], outline[corner + 1]]).collect();
+    let rule = json!({"glaze": [{"match": "Window", "inset": 0.01, "front": {"hammered": {
+        "wavelength": 0.05, "amplitude": 1e-5}}}]});
+    let assets = || file(|builder| flat_shape(builder, &fan));
+    let glazed = expanded(rule.clone(), &assets());
+    let [pane] = &glazed.panes[..] else { panic!("{glazed:?}") };
+    assert!(glazed.meshes.is_empty() && pane.outline.len() == 7, "{pane:?}");
+    assert!((pane.width - 0.58).abs() < 1e-6 && (pane.height - 0.98).abs() < 1e-6, "{pane:?}");
+    let scene = built(json!([import(rule)]), assets()).unwrap();
+    let is_glass = |x: f64, z: f64| {
+        let ray = Ray::new(DVec3::new(x, -3.0, z), DVec3::Y);
+        let hit = scene.scene().accelerator().closest_hit(&ray, 4.0, SurfaceId::Nothing, &mut Counters::default());
+        hit.is_some()
+    };
+    assert!(is_glass(0.3, 0.97) && is_glass(0.02, 0.3) && !is_glass(0.005, 0.3) && !is_glass(0.05, 0.95));
+}
+
 #[test]
 fn what_is_no_pane_stays_a_mesh_and_says_why() {
     let assets = file(|builder| {
-        let triangle =
-            builder.accessor(&floats(&SQUARE[..9]), json!({"componentType": F32, "type": "VEC3", "count": 3}));
-        builder.json["meshes"][0]["primitives"][0] = json!({"attributes": {"POSITION": triangle}});
-        builder.json["nodes"][0]["name"] = json!("Window");
+        let arrow = [[0.0, 0.0], [1.0, 0.0], [0.3, 0.3], [0.0, 0.0], [0.3, 0.3], [0.0, 1.0]];
+        flat_shape(builder, &arrow);
     });
     let expansion = expanded(json!({"glaze": [{"match": "*"}]}), &assets);
     assert_eq!((expansion.meshes.len(), expansion.panes.len()), (1, 0));
-    assert!(expansion.unglazed[0].0 == "Window" && expansion.unglazed[0].1.contains("no rectangle"), "{expansion:?}");
+    assert!(expansion.unglazed[0].0 == "Window" && expansion.unglazed[0].1.contains("not convex"), "{expansion:?}");
     assert!(matches!(expansion.meshes[0].source, MeshSource::Gltf(_)), "its texture coordinates stay: {expansion:?}");
 }
 
@@ -323,7 +354,7 @@ fn colours_of_vertices_multiply_the_base_colour() {
     let scene = prepared.scene();
     // The middle of the first triangle.
     let albedo = scene.bsdf(0).albedo(&scene.surface_point(0, [1.0 / 3.0, 1.0 / 3.0]));
-    assert!((albedo - glam::DVec3::new(0.5, 0.25, 0.1)).length() < 1e-6, "{albedo}");
+    assert!((albedo - DVec3::new(0.5, 0.25, 0.1)).length() < 1e-6, "{albedo}");
 }
 
 #[test]
@@ -374,8 +405,8 @@ fn normal_maps_come_with_their_strength() {
     let normals = scene.surface_point(0, [0.2, 0.2]).normals;
     // The square stands upright and looks along -y; u grows along x.
     let bump = |code: f64| 2.0 * code / 255.0 - 1.0;
-    let expected = glam::DVec3::new(0.5 * bump(229.0), -bump(204.0), 0.5 * bump(128.0)).normalize();
-    assert!((normals.geometric + glam::DVec3::Y).length() < 1e-6, "{normals:?}");
+    let expected = DVec3::new(0.5 * bump(229.0), -bump(204.0), 0.5 * bump(128.0)).normalize();
+    assert!((normals.geometric + DVec3::Y).length() < 1e-6, "{normals:?}");
     assert!((normals.shading - expected).length() < 1e-5, "{normals:?}, not {expected}");
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use clerestory_glazing::inset_convex;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::description::{GlazeRule, ImportDescription, UpAxis};
@@ -214,6 +215,8 @@ pub(super) struct Assembly<'a> {
     materials: Patterns<'a>,
     glaze: Patterns<'a>,
     lead: Patterns<'a>,
+    /// The sheets of leaded windows, by the number of their rule and their kind of glass.
+    stock: BTreeMap<(usize, String), String>,
     /// The rules that have fitted something: of materials, of glazing and of leading.
     used: [BTreeSet<usize>; 3],
 }
@@ -229,6 +232,7 @@ impl<'a> Assembly<'a> {
             materials: Patterns::new(import.materials.iter().map(|rule| &rule.pattern)),
             glaze: Patterns::new(import.glaze.iter().map(|rule| &rule.pattern)),
             lead: Patterns::new(import.lead.iter().map(|rule| &rule.pattern)),
+            stock: BTreeMap::new(),
             used: <[BTreeSet<usize>; 3]>::default(),
         }
     }
@@ -271,7 +275,7 @@ impl<'a> Assembly<'a> {
             return Ok(());
         };
         self.add_pieces(thing, corners()?, &mut |assembly, name, fit| {
-            let pane = rule.pane(String::new(), fit, assembly.expansion.panes.len() as u64);
+            let pane = rule.pane(String::new(), fit, assembly.expansion.panes.len() as u64)?;
             check_size(&pane).and_then(|()| check_resolved(&pane))?;
             let name = assembly.name(name);
             assembly.expansion.panes.push(PaneDescription { name, ..pane });
@@ -318,12 +322,22 @@ impl<'a> Assembly<'a> {
         let root = JsonPath::Root;
         let rules = root.member("lead");
         let (number, name) = (self.expansion.leaded_windows as u64, self.name(name));
-        let window = self.import.lead[rule].window_in(name, fit, number, &rules.element(rule));
-        let WindowExpansion { materials, meshes, sheets, panes } = window.map_err(|error| error.to_string())?;
+        let window = self.import.lead[rule].window_in(name.clone(), fit, number, &rules.element(rule));
+        let WindowExpansion { materials, meshes, sheets, mut panes } = window?;
         let leaded = &mut self.expansion.leaded;
         leaded.materials.extend(materials);
         leaded.meshes.extend(meshes);
-        leaded.sheets.extend(sheets);
+        // All windows of a rule are cut from the same sheets, which take longest to build.
+        for (own, sheet) in sheets {
+            let kind = own.strip_prefix(&name).unwrap_or(&own).to_owned();
+            let shared = self.stock.entry((rule, kind)).or_insert_with(|| own.clone());
+            if *shared == own {
+                leaded.sheets.insert(own.clone(), sheet);
+            }
+            for cut in panes.iter_mut().filter_map(|pane| pane.sheet.as_mut()).filter(|cut| cut.name == own) {
+                cut.name.clone_from(shared);
+            }
+        }
         leaded.panes.extend(panes);
         self.expansion.leaded_windows += 1;
         Ok(())
@@ -422,19 +436,26 @@ fn inline(pieces: &[Piece]) -> MeshSource {
 pub const FLAT_THICKNESS: f64 = 0.002;
 
 impl GlazeRule {
-    /// The pane in a rectangle; `number` makes its relief another than that of others.
-    fn pane(&self, name: String, fit: &PaneFit, number: u64) -> PaneDescription {
+    /// The pane in a shape; `number` makes its relief another than that of others.
+    fn pane(&self, name: String, fit: &PaneFit, number: u64) -> Result<PaneDescription, String> {
         let thickness = self.thickness.or(fit.thickness).unwrap_or(FLAT_THICKNESS);
         let [width, height] = fit.size.map(|edge| edge - 2.0 * self.inset);
+        let outline = match &fit.outline {
+            Some(outline) => inset_convex(outline, self.inset),
+            None => Vec::new(),
+        };
+        if fit.outline.is_some() && outline.is_empty() {
+            return Err(format!("nothing is left of it {} m from its edges", self.inset));
+        }
         let [x_axis, y_axis] = fit.axes.map(|axis| axis.to_array());
-        PaneDescription {
+        Ok(PaneDescription {
             name,
             centre: fit.front(thickness).to_array(),
             x_axis,
             y_axis,
             width,
             height,
-            outline: Vec::new(),
+            outline: outline.iter().map(|corner| corner.to_array()).collect(),
             sheet: None,
             thickness,
             index_of_refraction: self.index_of_refraction,
@@ -444,7 +465,7 @@ impl GlazeRule {
             back: with_seed(&self.back, 2 * number + 1),
             crossing: crate::geometry::FaceCrossing::default(),
             priority: 0,
-        }
+        })
     }
 }
 
