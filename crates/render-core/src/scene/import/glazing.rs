@@ -119,8 +119,7 @@ fn fit(triangles: &[[DVec3; 3]]) -> Result<PaneFit, String> {
         if (area / rectangle - 1.0).abs() <= AREA_TOLERANCE {
             return Ok(PaneFit { centre, axes, size, outline: None, thickness: None });
         }
-        let outline = convex(triangles, axes, centre, area)?;
-        return Ok(PaneFit { centre, axes, size, outline: Some(outline), thickness: None });
+        return convex(triangles, axes, normal, area);
     }
     if extent.z > THICKEST * size[0].min(size[1]) {
         let DVec3 { x, y, z } = extent;
@@ -137,8 +136,17 @@ fn fit(triangles: &[[DVec3; 3]]) -> Result<PaneFit, String> {
     Ok(PaneFit { centre, axes, size, outline: None, thickness: Some(extent.z) })
 }
 
-/// The outline of a flat shape, seen from `centre` along two axes, if it is convex.
-fn convex(triangles: &[[DVec3; 3]], [x, y]: [DVec3; 2], centre: DVec3, area: f64) -> Result<Vec<DVec2>, String> {
+/// Directions in a plane are upright where they rise by at least this much over their length.
+const LEAST_RISE: f64 = 1e-3;
+
+/// The outline of a flat shape, if it is convex. It stands upright, or lies along the axes where it lies flat.
+fn convex(triangles: &[[DVec3; 3]], axes: [DVec3; 2], normal: DVec3, area: f64) -> Result<PaneFit, String> {
+    let up = DVec3::Z - normal * normal.z;
+    let axes = if up.length() < LEAST_RISE { axes } else { [up.normalize().cross(normal), up.normalize()] };
+    let [min, max] = bounds(triangles, axes, normal);
+    let (extent, middle) = (max - min, 0.5 * (min + max));
+    let [x, y] = axes;
+    let centre = x * middle.x + y * middle.y + normal * middle.z;
     let local = |corner: &DVec3| DVec2::new((*corner - centre).dot(x), (*corner - centre).dot(y));
     let points: Vec<DVec2> = triangles.iter().flatten().map(local).collect();
     let outline = convex_hull(&points);
@@ -151,7 +159,7 @@ fn convex(triangles: &[[DVec3; 3]], [x, y]: [DVec3; 2], centre: DVec3, area: f64
         let corners = outline.len();
         return Err(format!("its outline has {corners} corners; panes have at most {MOST_CORNERS}"));
     }
-    Ok(outline)
+    Ok(PaneFit { centre, axes, size: [extent.x, extent.y], outline: Some(outline), thickness: None })
 }
 
 /// The smallest and largest coordinates along two axes and a normal.
@@ -239,7 +247,10 @@ mod tests {
     fn what_is_no_pane_says_why() {
         let reason = |positions: &[DVec3], triangles: &[[u32; 3]]| panes(positions, triangles)[0].clone().unwrap_err();
         let (positions, triangles) = rectangle(DVec3::ZERO, DVec3::X, DVec3::Z);
-        assert!(reason(&positions, &triangles[..1]).contains("no rectangle: 50 %"));
+        let arrow = [[0, 1, 2], [0, 2, 3]];
+        let mut dented = positions.clone();
+        dented[2] = dented[0] + 0.3 * (dented[2] - dented[0]);
+        assert!(reason(&dented, &arrow).contains("not convex: it fills 60 %"), "{}", reason(&dented, &arrow));
         let (positions, triangles) = solid(DVec3::ZERO, [DVec3::X, DVec3::Y, DVec3::Z]);
         assert!(reason(&positions, &triangles).contains("no thin box"));
         let (positions, triangles) = solid(DVec3::ZERO, [DVec3::X, DVec3::Y * 0.01, DVec3::Z]);
