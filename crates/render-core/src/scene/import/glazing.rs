@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn what_is_no_pane_says_why() {
         let reason = |positions: &[DVec3], triangles: &[[u32; 3]]| panes(positions, triangles)[0].clone().unwrap_err();
-        let (positions, triangles) = rectangle(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let (positions, _) = rectangle(DVec3::ZERO, DVec3::X, DVec3::Z);
         let arrow = [[0, 1, 2], [0, 2, 3]];
         let mut dented = positions.clone();
         dented[2] = dented[0] + 0.3 * (dented[2] - dented[0]);

@@ -120,12 +120,8 @@ fn what_shines_without_an_area_is_dark_and_what_stands_behind_it_is_not() {
 
     let scene = built(json!([import(json!({}))]), assets).unwrap();
     let ray = Ray::new(DVec3::new(0.5, -1.0, 0.5), DVec3::Y);
-    let hit = scene.scene().accelerator().closest_hit(
-        &ray,
-        f64::INFINITY,
-        crate::geometry::SurfaceId::Nothing,
-        &mut clerestory_film::counters::Counters::default(),
-    );
+    let hit =
+        scene.scene().accelerator().closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default());
     assert!(scene.scene().light_on(&hit.unwrap()).is_some());
 }
 
