@@ -1,9 +1,10 @@
 //! `clerestory scene`: computed scenes.
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
-use clerestory_render_core::document::chapel::chapel;
+use clerestory_render_core::document::chapel::{Chapel, chapel};
 use clerestory_render_core::document::nave::{PaneCount, nave};
 use clerestory_render_core::document::water::{TriangleCount, WaterSettings, WaterView, lagoon, pool};
 
@@ -50,9 +51,9 @@ struct NaveArguments {
 /// Options of `clerestory scene chapel`.
 #[derive(Debug, Args)]
 struct ChapelArguments {
-    /// The scene file to write [default: standard output].
+    /// The scene file to write. The pictures of its stone and wood come beside it.
     #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    output: PathBuf,
 }
 
 /// Options of `clerestory scene pool` and `clerestory scene lagoon`.
@@ -105,10 +106,22 @@ fn seconds(words: &str) -> Result<f64, String> {
 /// Largest time in either direction, seconds.
 const LATEST: f64 = 1e9;
 
+/// Writes the chapel and the pictures that it names.
+pub(crate) fn write_chapel(file: &Path) -> Result<(), Failure> {
+    let Chapel { scene, files } =
+        chapel().map_err(|error| Failure::Write { file: file.to_owned(), source: io::Error::other(error) })?;
+    let pictures: Vec<(PathBuf, Vec<u8>)> =
+        files.into_iter().map(|(name, bytes)| (file.with_file_name(name), bytes)).collect();
+    let outputs = pictures.iter().map(|(picture, _)| ("--output", Some(picture.as_path())));
+    check_outputs(&outputs.chain([("--output", Some(file))]).collect::<Vec<_>>(), &[])?;
+    pictures.iter().try_for_each(|(picture, bytes)| write(picture, bytes))?;
+    write(file, format!("{}\n", scene_text(&scene)).as_bytes())
+}
+
 pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
     let (scene, output) = match &arguments.scene {
         GeneratedScene::Nave(NaveArguments { panes, output }) => (nave(*panes), output),
-        GeneratedScene::Chapel(ChapelArguments { output }) => (chapel(), output),
+        GeneratedScene::Chapel(ChapelArguments { output }) => return write_chapel(output),
         GeneratedScene::Pool(water) => (pool(&water.settings()), &water.output),
         GeneratedScene::Lagoon(water) => (lagoon(&water.settings()), &water.output),
         GeneratedScene::Window(window) => return window.run(),

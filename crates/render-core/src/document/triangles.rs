@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use glam::DVec3;
+
 use crate::scene::description::{MeshDescription, MeshSource};
 use crate::settings::Triple;
 
@@ -10,6 +12,8 @@ use crate::settings::Triple;
 pub(super) struct Triangles {
     positions: Vec<Triple>,
     triangles: Vec<[u32; 3]>,
+    /// One for each position, or none at all.
+    texture_coordinates: Vec<[f64; 2]>,
 }
 
 /// The corners of a box in the order of their bits: x changes fastest.
@@ -77,6 +81,25 @@ impl Triangles {
         }
     }
 
+    /// The same with texture coordinates in units of `extent` metres: along y and z on what faces x, along x and z on
+    /// what faces y, and along x and y on what faces z.
+    pub(super) fn projected(self, extent: f64) -> Self {
+        let mut projected = Self::default();
+        for corners in self.triangles.iter().map(|triangle| triangle.map(|corner| self.positions[corner as usize])) {
+            let [a, b, c] = corners.map(DVec3::from);
+            let axes = match (b - a).cross(c - a).abs().max_position() {
+                0 => [1, 2],
+                1 => [0, 2],
+                _ => [0, 1],
+            };
+            let first = projected.positions.len() as u32;
+            projected.positions.extend(corners);
+            projected.texture_coordinates.extend(corners.map(|corner| axes.map(|axis| corner[axis] / extent)));
+            projected.triangles.push([first, first + 1, first + 2]);
+        }
+        projected
+    }
+
     /// The mesh.
     pub(super) fn into_mesh(self, name: &str, material: &str) -> MeshDescription {
         MeshDescription {
@@ -86,7 +109,7 @@ impl Triangles {
             source: MeshSource::Inline {
                 positions: self.positions.into_iter().map(|position| position.map(rounded)).collect(),
                 triangles: self.triangles,
-                texture_coordinates: Vec::new(),
+                texture_coordinates: self.texture_coordinates.into_iter().map(|pair| pair.map(rounded)).collect(),
                 normals: Vec::new(),
             },
             scale: 1.0,

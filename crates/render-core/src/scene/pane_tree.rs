@@ -9,6 +9,10 @@
 //! Where a pane mirrors light, a normal of its face halves the angle between the directions to the point and to the
 //! light. So their sum has a tangential part of at most the largest slope times its part along the pane's normal. Over
 //! a ball around the pane the sum hardly varies.
+//!
+//! Where a second pane stands close behind a pane, the direction between both takes the place of w, and is off it by what
+//! the second pane may do. Light never comes through a pane from the point's side of it, nor is it mirrored from the
+//! other one: that leaves out whole walls at once.
 
 use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
@@ -23,11 +27,17 @@ const USUAL_PANES: usize = 8;
 /// Numbers of panes.
 pub(crate) type Panes = SmallVec<[u32; USUAL_PANES]>;
 
+/// Panes whose normals differ by more than this along an axis are taken to stand in different walls.
+const OTHER_WALL: f64 = 0.5;
+
 /// Room for rounding in a comparison of chords.
 const SLACK: f64 = 1e-9;
 
 /// Room for the inexactness of vertices at which light is mirrored, which are solved for, in a comparison of chords.
 const MIRROR_SLACK: f64 = 1e-6;
+
+/// A normal that is off by a chord turns what is along the pane by as much, twice over, and by its square.
+const TILTED: f64 = 3.0;
 
 /// A tree over the panes of a scene.
 #[derive(Clone, Debug, Default)]
@@ -42,6 +52,8 @@ struct Node {
     place: Ball,
     /// Their unit normals.
     normals: Ball,
+    /// Where they are along the middle of these normals.
+    heights: Interval,
     /// Gradients of the back face less those of the front face, in the world.
     bends: Ball,
     /// Largest slope of a face, and largest sum of those of both faces.
@@ -49,7 +61,61 @@ struct Node {
     slopes: f64,
     /// Smallest and largest index of refraction.
     index: [f64; 2],
+    beyond: Beyond,
     content: Content,
+}
+
+/// What a second pane close behind a pane may do to light, at most.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Beyond {
+    /// By how much the tangential part of a direction may change there.
+    pub(crate) change: f64,
+    /// By how much its normal is off that of the first pane, or of its other side, as a chord.
+    pub(crate) tilt: f64,
+    /// Its thickness, metres.
+    pub(crate) thickness: f64,
+    /// How far light may travel between both, metres.
+    pub(crate) apart: f64,
+}
+
+impl Beyond {
+    /// What either may do.
+    pub(crate) fn or(&self, other: &Self) -> Self {
+        Self {
+            change: self.change.max(other.change),
+            tilt: self.tilt.max(other.tilt),
+            thickness: self.thickness.max(other.thickness),
+            apart: self.apart.max(other.apart),
+        }
+    }
+
+    /// By how much it moves light along the pane, at most: up to 71 degrees, three times its thickness.
+    pub(crate) fn displacement(&self) -> f64 {
+        3.0 * self.thickness
+    }
+
+    /// How far apart directions before and behind it may be, as a chord: at grazing angles, the part along the normal
+    /// changes most.
+    fn chord(&self) -> f64 {
+        (self.change * self.change + 2.0 * self.change).sqrt()
+    }
+
+    /// How far apart the parts of these directions along the first pane may be.
+    fn along(&self) -> f64 {
+        self.change + TILTED * self.tilt * self.chord()
+    }
+
+    /// Where light comes from, as far as it is not turned: what it is moved, and what its way to the second pane comes
+    /// to.
+    fn widened(&self, region: &LightRegion) -> LightRegion {
+        match *region {
+            LightRegion::Cap { .. } => *region,
+            LightRegion::Ball { centre, radius } => {
+                let chord = self.chord();
+                LightRegion::Ball { centre, radius: radius + 2.0 * self.displacement() + self.apart * chord * chord }
+            }
+        }
+    }
 }
 
 /// A ball around points.
@@ -122,8 +188,13 @@ impl LightRegion {
 impl PaneTree {
     /// The tree over the panes.
     pub(crate) fn new(panes: &[Pane]) -> Self {
+        Self::over((0u32..).zip(panes).map(|(index, pane)| (index, pane, Beyond::default())))
+    }
+
+    /// A tree over some panes, by their numbers, and what is behind each.
+    pub(crate) fn over<'a>(panes: impl Iterator<Item = (u32, &'a Pane, Beyond)>) -> Self {
         let mut tree = Self::default();
-        let mut leaves: Vec<Node> = (0u32..).zip(panes).map(|(index, pane)| Node::of_pane(index, pane)).collect();
+        let mut leaves: Vec<Node> = panes.map(|(index, pane, beyond)| Node::of_pane(index, pane, beyond)).collect();
         if !leaves.is_empty() {
             tree.add(&mut leaves);
         }
@@ -137,20 +208,19 @@ impl PaneTree {
             self.nodes.push(leaf.clone());
             return root;
         }
-        let (min, max) = leaves.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), leaf| {
-            (min.min(leaf.place.centre), max.max(leaf.place.centre))
-        });
-        let axis = (max - min).max_position();
-        let middle = leaves.len() / 2;
-        leaves.select_nth_unstable_by(middle, |a, b| a.place.centre[axis].total_cmp(&b.place.centre[axis]));
+        let middle = split(leaves);
         let largest = |part: fn(&Node) -> f64| leaves.iter().map(part).fold(f64::NEG_INFINITY, f64::max);
+        let normals = Ball::around(leaves.iter().map(|leaf| leaf.normals));
+        let heights = leaves.iter().map(|leaf| leaf.heights_along(normals.centre));
         self.nodes.push(Node {
             place: Ball::around(leaves.iter().map(|leaf| leaf.place)),
-            normals: Ball::around(leaves.iter().map(|leaf| leaf.normals)),
+            normals,
+            heights: heights.fold(Interval::EMPTY, |all, leaf| all.union(leaf)),
             bends: Ball::around(leaves.iter().map(|leaf| leaf.bends)),
             slope: largest(|leaf| leaf.slope),
             slopes: largest(|leaf| leaf.slopes),
             index: [-largest(|leaf| -leaf.index[0]), largest(|leaf| leaf.index[1])],
+            beyond: leaves.iter().fold(Beyond::default(), |most, leaf| most.or(&leaf.beyond)),
             content: Content::Children([0; 2]),
         });
         let (first, second) = leaves.split_at_mut(middle);
@@ -187,8 +257,31 @@ impl PaneTree {
     }
 }
 
+/// Sorts leaves into two parts, and returns the number of those in the first: panes of different walls, or else of
+/// different places.
+fn split(leaves: &mut [Node]) -> usize {
+    let extent = |part: fn(&Node) -> DVec3| {
+        let (min, max) = leaves
+            .iter()
+            .map(part)
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), place| (min.min(place), max.max(place)));
+        let axis = (max - min).max_position();
+        (axis, min[axis], max[axis])
+    };
+    let (axis, min, max) = extent(|leaf| leaf.normals.centre);
+    if max - min > OTHER_WALL {
+        let between = 0.5 * (min + max);
+        leaves.sort_unstable_by(|a, b| a.normals.centre[axis].total_cmp(&b.normals.centre[axis]));
+        return leaves.partition_point(|leaf| leaf.normals.centre[axis] < between);
+    }
+    let (axis, ..) = extent(|leaf| leaf.place.centre);
+    let middle = leaves.len() / 2;
+    leaves.select_nth_unstable_by(middle, |a, b| a.place.centre[axis].total_cmp(&b.place.centre[axis]));
+    middle
+}
+
 impl Node {
-    fn of_pane(index: u32, pane: &Pane) -> Self {
+    fn of_pane(index: u32, pane: &Pane, beyond: Beyond) -> Self {
         let [low, high] = pane.local_bounds();
         let middle = (low + high) * 0.5;
         let across = |corner: &DVec2| (*corner - middle.truncate()).length_squared();
@@ -200,9 +293,12 @@ impl Node {
         let [front, back] = &gradients;
         let bend = (middle_of(back) - middle_of(front)).extend(0.0);
         let height = high.z - middle.z;
+        let (centre, normal) = (pane.frame.point_to_world(middle), pane.frame.vector_to_world(DVec3::Z));
+        let along = centre.dot(normal);
         Self {
-            place: Ball { centre: pane.frame.point_to_world(middle), radius: (across + height * height).sqrt() },
-            normals: Ball { centre: pane.frame.vector_to_world(DVec3::Z), radius: 0.0 },
+            place: Ball { centre, radius: (across + height * height).sqrt() },
+            normals: Ball { centre: normal, radius: 0.0 },
+            heights: Interval::new(along - height, along + height),
             bends: Ball {
                 centre: pane.frame.vector_to_world(bend),
                 radius: (reach_of(front) + reach_of(back)).length(),
@@ -210,20 +306,60 @@ impl Node {
             slope: slopes[0].max(slopes[1]),
             slopes: slopes[0] + slopes[1],
             index: [pane.index_of_refraction; 2],
+            beyond,
             content: Content::Pane(index),
         }
     }
 
+    /// Where a leaf is along a direction near its normal.
+    fn heights_along(&self, normal: DVec3) -> Interval {
+        let (middle, reach) = (self.place.centre.dot(normal), 0.5 * (self.heights.max - self.heights.min));
+        Interval::new(middle - reach, middle + reach)
+    }
+
+    /// The side of all panes on which a ball is: the sign of their normals; 0 where that is not sure.
+    fn side_of(&self, ball: Ball) -> f64 {
+        let Ball { centre: normal, radius: tilted } = self.normals;
+        let height = ball.centre.dot(normal);
+        let unsure = ball.radius
+            + tilted * (ball.centre.distance(self.place.centre) + self.place.radius)
+            + SLACK * self.heights.magnitude().max(height.abs());
+        if height - unsure > self.heights.max {
+            1.0
+        } else if height + unsure < self.heights.min {
+            -1.0
+        } else {
+            0.0
+        }
+    }
+
+    /// The side of all panes on which a light is, in the same way.
+    fn side_of_light(&self, region: &LightRegion) -> f64 {
+        match *region {
+            LightRegion::Ball { centre, radius } => self.side_of(Ball { centre, radius }),
+            LightRegion::Cap { direction, chord } => {
+                let Ball { centre: normal, radius: tilted } = self.normals;
+                let cosine = direction.dot(normal);
+                if cosine.abs() > chord + tilted + SLACK { cosine.signum() } else { 0.0 }
+            }
+        }
+    }
+
     fn may_show(&self, from: DVec3, region: &LightRegion) -> bool {
+        if self.side_of(Ball { centre: from, radius: 0.0 }) * self.side_of_light(region) > 0.0 {
+            return false;
+        }
         let Ball { centre, radius } = self.place;
         let offset = centre - from;
         let distance = offset.length();
         if distance <= radius {
             return true;
         }
+        let region = self.beyond.widened(region);
         let Some((onwards, spread)) = region.seen_from_ball(centre, radius) else { return true };
         let direction = offset / distance;
-        let slack = cap_chord(radius / distance) + spread + SLACK;
+        let ends = cap_chord(radius / distance) + spread + SLACK;
+        let slack = ends + self.beyond.chord();
         let Ball { centre: normal, radius: tilted } = self.normals;
         let change = onwards - direction;
         let length = change.length();
@@ -235,12 +371,18 @@ impl Node {
         let weakest = strength(self.index[0], least) / (1.0 + self.slope * self.slope).sqrt();
         let (mean, off) = (0.5 * (strongest + weakest), 0.5 * (strongest - weakest));
         let along = change - normal * change.dot(normal);
-        // A normal that is off by a chord turns what is along the pane by as much, twice over.
-        let reach = slack + mean * self.bends.radius + off * self.slopes + 3.0 * tilted * (length + slack);
+        let reach = ends
+            + self.beyond.along()
+            + mean * self.bends.radius
+            + off * self.slopes
+            + TILTED * tilted * (length + slack);
         (along - self.bends.centre * mean).length() <= reach
     }
 
     fn may_mirror(&self, from: DVec3, region: &LightRegion) -> bool {
+        if self.side_of(Ball { centre: from, radius: 0.0 }) * self.side_of_light(region) < 0.0 {
+            return false;
+        }
         let Ball { centre, radius } = self.place;
         let offset = from - centre;
         let distance = offset.length();
@@ -250,7 +392,7 @@ impl Node {
         let Some((onwards, spread)) = region.seen_from_ball(centre, radius) else { return true };
         let Ball { centre: normal, radius: tilted } = self.normals;
         let sum = offset / distance + onwards;
-        let slack = cap_chord(radius / distance) + spread + MIRROR_SLACK + 3.0 * tilted * sum.length();
+        let slack = cap_chord(radius / distance) + spread + MIRROR_SLACK + TILTED * tilted * sum.length();
         let along = sum.dot(normal);
         let across = (sum - normal * along).length();
         across - slack <= self.slope * (along.abs() + slack)
@@ -331,6 +473,44 @@ mod tests {
                 let candidates = tree.candidates(from, &LightRegion::of_source(source));
                 assert!(candidates.contains(&(index as u32)), "pane {index} from {from} for {source:?}");
                 assert!(candidates.is_sorted());
+                kept += candidates.len();
+            }
+        }
+        assert!(traced > 1000, "only {traced} rays came through");
+        assert!(kept < 2 * traced * panes.len() / 2, "{kept} candidates for {traced} rays");
+    }
+
+    #[test]
+    fn no_pane_is_left_out_behind_which_a_second_one_bends_light() {
+        let panes = panes();
+        let beyond = Beyond { change: 0.004, tilt: 0.02, thickness: 0.004, apart: 0.1 };
+        let tree = PaneTree::over((0u32..).zip(&panes).map(|(index, pane)| (index, pane, beyond)));
+        let mut random = random(26);
+        let (mut traced, mut kept) = (0, 0);
+        for _ in 0..4000 {
+            let index = (random.next_f64() * panes.len() as f64) as usize;
+            let pane = &panes[index];
+            let from = (pair(&mut random) * 3.0 - 0.5).extend(between(&mut random, -6.0, 6.0));
+            let target = ((pair(&mut random) - 0.5) * pane.size()).extend(0.0);
+            let origin = pane.frame.point_to_local(from);
+            let Some(side) = PaneSide::facing(pane, origin) else { continue };
+            let ray = Ray::new(origin, (target - origin).normalize());
+            let Some(through) = side.transmit(&ray, &mut Counters::default()) else { continue };
+            let before = pane.frame.vector_to_world(through.direction);
+            // The second pane is tilted, moves light along itself, and turns it as far as it may.
+            let tilt = (pair(&mut random) - 0.5).normalize() * (0.99 * beyond.tilt);
+            let normal = pane.frame.vector_to_world(tilt.extend(1.0)).normalize();
+            let axis = normal.any_orthonormal_vector();
+            let turn = axis.lerp(normal.cross(axis), random.next_f64()).normalize() * beyond.change;
+            let along = before - normal * before.dot(normal) + turn;
+            let Some(up) = Some(1.0 - along.length_squared()).filter(|up| *up > 0.01) else { continue };
+            let behind = along + normal * (up.sqrt() * before.dot(normal).signum());
+            let met = pane.frame.point_to_world(through.exit) + before * (beyond.apart * random.next_f64());
+            let exit = met + axis * beyond.thickness;
+            traced += 1;
+            for source in [Source::Direction(behind), Source::Point(exit + behind * between(&mut random, 0.5, 20.0))] {
+                let candidates = tree.candidates(from, &LightRegion::of_source(source));
+                assert!(candidates.contains(&(index as u32)), "pane {index} from {from} for {source:?}");
                 kept += candidates.len();
             }
         }

@@ -114,7 +114,7 @@ impl<'a> LightView<'a> {
         let candidates = match second {
             _ if source.is_delta() => Panes::new(),
             None => scene.pane_tree().candidates(point.position, &region),
-            Some(second) => second.candidates(scene, point.position, &region),
+            Some(second) => second.candidates(point.position, &region),
         };
         for index in candidates.into_iter().filter(|index| !scene.media().is_immersed(*index)) {
             let pane = &scene.panes()[index as usize];
@@ -126,7 +126,9 @@ impl<'a> LightView<'a> {
             let Some(bounds) = light_bounds(source, &pane.frame) else { continue };
             let bounds = match second {
                 None => Some(bounds),
-                Some(second) => second.behind(index, side.near).and_then(|behind| behind.widened(&bounds, origin)),
+                Some(second) => {
+                    second.behind(index, side.near).and_then(|behind| behind.bounds_behind(&bounds, origin))
+                }
             };
             let Some(bounds) = bounds else { continue };
             let aperture = apertures.len();

@@ -8,7 +8,7 @@ use super::{SpecularPath, coverage};
 use crate::bsdf::polarisation::Polarisation;
 use crate::geometry::boxes::BoxIndex;
 use crate::geometry::{Face, Pane, Ray, Surface, SurfaceId};
-use crate::scene::pane_tree::{LightRegion, Panes};
+use crate::scene::pane_tree::{Beyond, LightRegion, PaneTree, Panes};
 use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::counters::Counters;
 
@@ -20,20 +20,14 @@ fn reach(first: &Pane, second: &Pane) -> f64 {
     MOST_APART * first.size().max(second.size()).max_element()
 }
 
-/// What may lie behind a pane, as seen from the side of one face.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Behind {
-    /// By how much the tangential part of a direction may change there, at most.
-    change: f64,
-    /// The largest thickness, metres.
-    thickness: f64,
-}
-
 /// The panes behind which there is another.
 #[derive(Debug)]
 pub(super) struct SecondPanes {
     /// For each pane, what is behind it for a point before its front face, and for one before its back face.
-    behind: Vec<[Option<Behind>; 2]>,
+    behind: Vec<[Option<Beyond>; 2]>,
+    /// The panes that have another behind them, for points before their front faces, and for points before their back
+    /// faces.
+    trees: [PaneTree; 2],
 }
 
 /// A ray behind a second pane.
@@ -64,20 +58,31 @@ impl SecondPanes {
             [-1.0, 1.0].map(|towards_viewer: f64| {
                 let way = z * (-towards_viewer * MOST_APART * longest);
                 let [min, max] = boxes[number];
-                let mut behind: Option<Behind> = None;
+                let mut behind: Option<Beyond> = None;
                 index.overlapping(&[min.min(min + way), max.max(max + way)], |other| {
                     let second = &panes[other as usize];
                     if other as usize != number && is_beyond(pane, second, -towards_viewer) {
-                        let found = behind.get_or_insert_default();
-                        found.change = found.change.max(change(second));
-                        found.thickness = found.thickness.max(second.thickness);
+                        let normals = [pane, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
+                        let found = Beyond {
+                            change: change(second),
+                            tilt: (normals[0] - normals[1] * normals[0].dot(normals[1]).signum()).length(),
+                            thickness: second.thickness,
+                            apart: reach(pane, second),
+                        };
+                        behind = Some(behind.unwrap_or_default().or(&found));
                     }
                     true
                 });
                 behind
             })
         };
-        Self { behind: panes.iter().enumerate().map(of_pane).collect() }
+        let behind: Vec<[Option<Beyond>; 2]> = panes.iter().enumerate().map(of_pane).collect();
+        let trees = [Face::Front, Face::Back].map(|near| {
+            let numbered = (0u32..).zip(panes).zip(&behind);
+            let first = numbered.filter_map(|((index, pane), behind)| Some((index, pane, behind[number(near)]?)));
+            PaneTree::over(first)
+        });
+        Self { behind, trees }
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -85,7 +90,7 @@ impl SecondPanes {
     }
 
     /// What is behind a pane as seen from the side of `near`.
-    pub(super) fn behind(&self, pane: u32, near: Face) -> Option<&Behind> {
+    pub(super) fn behind(&self, pane: u32, near: Face) -> Option<&Beyond> {
         self.behind[pane as usize][number(near)].as_ref()
     }
 
@@ -94,22 +99,13 @@ impl SecondPanes {
         (0u32..).zip(&self.behind).filter(|(_, faces)| faces.iter().any(Option::is_some)).map(|(pane, _)| pane)
     }
 
-    /// The panes through which, and through another behind, light of a region may come to a point.
-    pub(super) fn candidates(&self, scene: &Scene, from: DVec3, region: &LightRegion) -> Panes {
-        let all = || self.behind.iter().flatten().flatten();
-        let change = all().map(|behind| behind.change).fold(0.0, f64::max);
-        // At grazing angles, the part along the normal changes most.
-        let most = (change * change + 2.0 * change).sqrt();
-        let region = match *region {
-            LightRegion::Cap { direction, chord } => LightRegion::Cap { direction, chord: chord + most },
-            LightRegion::Ball { centre, radius } => {
-                let thickness = all().map(|behind| behind.thickness).fold(0.0, f64::max);
-                let radius = radius + displacement(thickness) + 2.0 * centre.distance(from) * most;
-                LightRegion::Ball { centre, radius }
-            }
-        };
-        let is_first = |pane: &u32| self.behind[*pane as usize].iter().any(Option::is_some);
-        scene.pane_tree().candidates(from, &region).into_iter().filter(is_first).collect()
+    /// The panes through which, and through another behind, light of a region may come to a point, in ascending order.
+    pub(super) fn candidates(&self, from: DVec3, region: &LightRegion) -> Panes {
+        let [mut found, of_back] = self.trees.each_ref().map(|tree| tree.candidates(from, region));
+        found.extend(of_back);
+        found.sort_unstable();
+        found.dedup();
+        found
     }
 
     /// What becomes of a ray that has come out of a pane and meets another; `None` where nothing comes through.
@@ -170,20 +166,20 @@ impl SecondPanes {
     }
 }
 
-impl Behind {
+impl Beyond {
     /// Bounds on where light may come from that a second pane bends towards a light, both in the frame of the first
     /// pane; `None` where it may come from anywhere.
-    pub(super) fn widened(&self, bounds: &SourceBounds, origin: DVec3) -> Option<SourceBounds> {
+    pub(super) fn bounds_behind(&self, bounds: &SourceBounds, origin: DVec3) -> Option<SourceBounds> {
         match *bounds {
             SourceBounds::Cap { direction, sin_radius } => {
-                let sin_radius = sin_radius + self.chord(direction, sin_radius)?;
+                let sin_radius = sin_radius + self.chord_towards(direction, sin_radius)?;
                 (sin_radius < 1.0).then_some(SourceBounds::Cap { direction, sin_radius })
             }
             SourceBounds::Ball { centre, radius } => {
                 let offset = centre - origin;
                 let distance = offset.length();
-                let chord = self.chord(offset / distance, (radius / distance).min(1.0))?;
-                let radius = radius + displacement(self.thickness) + 2.0 * distance * chord;
+                let chord = self.chord_towards(offset / distance, (radius / distance).min(1.0))?;
+                let radius = radius + self.displacement() + 2.0 * distance * chord;
                 Some(SourceBounds::Ball { centre, radius })
             }
         }
@@ -191,7 +187,7 @@ impl Behind {
 
     /// How far apart directions before and behind the second pane may be, as a chord. It stands nearly parallel to the
     /// first, to which `direction` belongs.
-    fn chord(&self, direction: DVec3, spread: f64) -> Option<f64> {
+    fn chord_towards(&self, direction: DVec3, spread: f64) -> Option<f64> {
         if self.change == 0.0 {
             return Some(0.0);
         }
@@ -200,11 +196,6 @@ impl Behind {
         let chord = self.change * (1.0 + steepness * steepness).sqrt();
         chord.is_finite().then_some(chord)
     }
-}
-
-/// By how much a plate moves light along its face, at most: up to 71 degrees, three times its thickness.
-fn displacement(thickness: f64) -> f64 {
-    3.0 * thickness
 }
 
 /// Panes whose normals differ by no more than this chord stand parallel.

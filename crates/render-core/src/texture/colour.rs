@@ -25,6 +25,11 @@ impl ColourDescription {
         Self::Colour([1.0; 3])
     }
 
+    /// A picture that repeats.
+    pub(crate) fn picture(file: &str) -> Self {
+        Self::Texture(Box::new(TextureDescription::of_file(file)))
+    }
+
     /// Checks it.
     pub(crate) fn check(&self, path: &JsonPath<'_>) -> Check {
         match self {

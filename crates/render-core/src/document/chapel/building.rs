@@ -1,5 +1,7 @@
-//! What is not window: floor, plain walls, vault, ribs, altar, benches and candles.
+//! What is not window: floor, walls, vault, ribs on their shafts, altar, benches and candles.
 
+use super::textures::EXTENT;
+use super::windows::stone_around;
 use crate::document::triangles::{Triangles, rounded};
 use crate::scene::description::MeshDescription;
 use crate::settings::Triple;
@@ -29,11 +31,14 @@ const RADIUS: f64 = 4.2;
 /// Segments of each arc.
 const SEGMENTS: u32 = 24;
 
-/// Transverse ribs.
-const RIBS: u32 = 5;
+/// Bays between transverse ribs. Each has a window to the south.
+pub(super) const BAYS: u32 = 3;
 
 /// Width and depth of a rib, metres.
 const RIB: [f64; 2] = [0.22, 0.18];
+
+/// By how much capitals and bases stand out, metres.
+const CAPITAL: f64 = 0.05;
 
 pub(super) fn meshes() -> Vec<MeshDescription> {
     let mut floor = Triangles::default();
@@ -41,6 +46,7 @@ pub(super) fn meshes() -> Vec<MeshDescription> {
     let mut walls = Triangles::default();
     walls.add_quadrilateral([[0.0, 0.0, 0.0], [0.0, LENGTH, 0.0], [0.0, LENGTH, SPRINGING], [0.0, 0.0, SPRINGING]]);
     walls.add_quadrilateral([[0.0, 0.0, 0.0], [0.0, 0.0, GABLE], [WIDTH, 0.0, GABLE], [WIDTH, 0.0, 0.0]]);
+    stone_around(&mut walls);
     let mut vault = Triangles::default();
     let arch = arch(0.0);
     for pair in arch.windows(2) {
@@ -55,12 +61,12 @@ pub(super) fn meshes() -> Vec<MeshDescription> {
         candles.add_box([x - CANDLE, y - CANDLE, ALTAR], [x + CANDLE, y + CANDLE, CANDLE_TOP]);
     }
     vec![
-        floor.into_mesh("floor", "flagstones"),
-        walls.into_mesh("walls", "limewashed wall"),
+        floor.projected(EXTENT).into_mesh("floor", "flagstones"),
+        walls.projected(EXTENT).into_mesh("walls", "ashlar"),
         vault.into_mesh("vault", "limewashed wall"),
         ribs().into_mesh("ribs", "rib stone"),
         altar.into_mesh("altar", "altar stone"),
-        benches().into_mesh("benches", "oak"),
+        benches().projected(EXTENT).into_mesh("benches", "oak"),
         candles.into_mesh("candles", "wax"),
     ]
 }
@@ -79,14 +85,21 @@ fn arch(below: f64) -> Vec<[f64; 2]> {
     north.chain(south).map(|place| place.map(rounded)).collect()
 }
 
-/// Arches under the vault, from wall to wall.
+/// Arches under the vault, from wall to wall, with the shafts on which they stand.
 fn ribs() -> Triangles {
     let mut ribs = Triangles::default();
     let [width, depth] = RIB;
     let (outer, inner) = (arch(0.0), arch(depth));
-    for rib in 0..RIBS {
-        let middle = LENGTH * (f64::from(rib) + 0.5) / f64::from(RIBS);
+    for rib in 0..=BAYS {
+        let middle = (LENGTH * f64::from(rib) / f64::from(BAYS)).clamp(0.5 * width, LENGTH - 0.5 * width);
         let [y0, y1] = [middle - 0.5 * width, middle + 0.5 * width].map(rounded);
+        for [x0, x1] in [[0.0, depth], [WIDTH - depth, WIDTH]] {
+            ribs.add_box([x0, y0, 0.0], [x1, y1, SPRINGING]);
+            let capital = [x0 - CAPITAL, x1 + CAPITAL].map(|x| x.clamp(0.0, WIDTH));
+            let [low, high] = [y0 - CAPITAL, y1 + CAPITAL].map(|y| rounded(y.clamp(0.0, LENGTH)));
+            ribs.add_box([capital[0], low, SPRINGING - 0.2], [capital[1], high, SPRINGING]);
+            ribs.add_box([capital[0], low, 0.0], [capital[1], high, 0.3]);
+        }
         for (over, under) in outer.windows(2).zip(inner.windows(2)) {
             let at = |[x, z]: [f64; 2], y: f64| -> Triple { [x, y, z] };
             ribs.add_quadrilateral([at(under[0], y0), at(under[1], y0), at(under[1], y1), at(under[0], y1)]);
@@ -98,11 +111,11 @@ fn ribs() -> Triangles {
     ribs
 }
 
-/// Four rows of benches on both sides of the aisle.
+/// Three rows of benches on both sides of the aisle.
 fn benches() -> Triangles {
     let mut benches = Triangles::default();
-    for row in 0..4 {
-        let y = 3.0 + 1.1 * f64::from(row);
+    for row in 0..3 {
+        let y = 2.2 + 1.1 * f64::from(row);
         for [x0, x1] in [[0.5, 2.4], [3.6, 5.5]] {
             benches.add_box([x0, y, 0.4], [x1, y + 0.38, 0.45]);
             benches.add_box([x0, y, 0.45], [x1, y + 0.04, 0.95].map(rounded));

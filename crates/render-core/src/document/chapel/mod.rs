@@ -1,11 +1,18 @@
 //! A chapel that ships: three lancets of stained glass to the east, and leaded diamonds with protective panes to the
-//! south, under a pointed vault. The sun stands in the south-east; candles burn on the altar.
+//! south, under a pointed vault. The sun stands in the south-east; candles burn on the altar. Its stone and its wood
+//! are pictures, which are computed as well.
 
 mod building;
+#[cfg(test)]
+mod tests;
+mod textures;
 mod windows;
 
 use std::collections::BTreeMap;
 
+use image::ImageError;
+
+use self::textures::Texture;
 use super::{SamplingDescription, SceneDescription};
 use crate::bsdf::{DiffuseMaterial, MaterialDescription};
 use crate::light::{EnvironmentLight, EnvironmentRadiance, LightDescription, SphereLight, SunLight};
@@ -14,18 +21,36 @@ use crate::settings::{SCENE_FORMAT_VERSION, Triple};
 use crate::specular::registry::IntegratorDescription;
 use crate::texture::ColourDescription;
 
+/// A scene, and the files that it names.
+#[derive(Clone, Debug)]
+pub struct Chapel {
+    /// The scene.
+    pub scene: SceneDescription,
+    /// The contents of its files by their names, which are relative to the scene file.
+    pub files: BTreeMap<String, Vec<u8>>,
+}
+
 /// The chapel, metres, z up.
-pub fn chapel() -> SceneDescription {
+///
+/// # Errors
+///
+/// When a picture cannot be encoded.
+pub fn chapel() -> Result<Chapel, ImageError> {
+    let files = Texture::ALL.into_iter().map(|texture| Ok((texture.file().to_owned(), texture.png()?)));
+    Ok(Chapel { scene: scene(), files: files.collect::<Result<_, ImageError>>()? })
+}
+
+fn scene() -> SceneDescription {
     SceneDescription {
         version: SCENE_FORMAT_VERSION,
         name: "Chapel".to_owned(),
         seed: 1,
-        film: FilmDescription { width: 600, height: 800 },
+        film: FilmDescription { width: 640, height: 480 },
         camera: CameraDescription::Perspective {
-            position: [2.2, 0.4, 1.6],
-            look_at: [3.1, 10.0, 2.9],
+            position: [4.5, 0.5, 2.2],
+            look_at: [2.5, 10.0, 2.4],
             up: [0.0, 0.0, 1.0],
-            vertical_field_of_view: 68.0,
+            vertical_field_of_view: 60.0,
         },
         integrator: IntegratorDescription::default(),
         path_filter: None,
@@ -41,17 +66,19 @@ pub fn chapel() -> SceneDescription {
 }
 
 fn materials() -> BTreeMap<String, MaterialDescription> {
-    let diffuse = |name: &str, colour: Triple| {
-        let reflectance = ColourDescription::Colour(colour);
+    let diffuse = |name: &str, reflectance: ColourDescription| {
         (name.to_owned(), MaterialDescription::Diffuse(DiffuseMaterial { reflectance }))
     };
+    let plain = |name: &str, colour: Triple| diffuse(name, ColourDescription::Colour(colour));
+    let pictured = |name: &str, texture: Texture| diffuse(name, ColourDescription::picture(texture.file()));
     BTreeMap::from([
-        diffuse("flagstones", [0.42, 0.38, 0.33]),
-        diffuse("limewashed wall", [0.7, 0.66, 0.58]),
-        diffuse("rib stone", [0.58, 0.53, 0.45]),
-        diffuse("oak", [0.3, 0.2, 0.12]),
-        diffuse("altar stone", [0.6, 0.57, 0.52]),
-        diffuse("wax", [0.8, 0.76, 0.65]),
+        pictured("ashlar", Texture::Ashlar),
+        pictured("flagstones", Texture::Flagstones),
+        pictured("oak", Texture::Oak),
+        plain("limewashed wall", [0.7, 0.66, 0.58]),
+        plain("rib stone", [0.58, 0.53, 0.45]),
+        plain("altar stone", [0.6, 0.57, 0.52]),
+        plain("wax", [0.8, 0.76, 0.65]),
     ])
 }
 

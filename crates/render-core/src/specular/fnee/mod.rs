@@ -168,13 +168,8 @@ impl SpecularMethod for Fnee {
         let sample = source.sample_source(centre, radius, source.random(stream));
         if events == REFLECTED {
             let mirrors = scene.pane_tree().mirrors(point.position, &LightRegion::of_source(sample.source));
-            let mut mirrors = mirrors.into_iter().peekable();
-            for pane in 0..panes.len() as u32 {
-                // Every pane has random numbers of its own, whichever others are searched.
+            for pane in mirrors {
                 let mut trials = stream.trials();
-                if mirrors.next_if_eq(&pane).is_none() {
-                    continue;
-                }
                 let search = Reflections {
                     scene,
                     point,

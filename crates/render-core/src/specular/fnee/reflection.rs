@@ -57,6 +57,8 @@ pub(super) struct ReflectionSearch<'a> {
     source: Source,
     solver: FneeSolver,
     window: Rect,
+    /// The probability with which it is worth a search.
+    odds: f64,
     tolerance: f64,
 }
 
@@ -106,12 +108,13 @@ impl<'a> ReflectionSearch<'a> {
         let around = Rect::new(image - reach, image + reach);
         let outline = &side.pane.outline;
         let window = outline.narrowed(&around);
-        let window = if window.is_empty() { *outline.bounds() } else { window };
+        // Beside the window there is hardly ever light: as many seeds go there as beside one that is not empty.
+        let (window, odds) = if window.is_empty() { (*outline.bounds(), ANYWHERE) } else { (window, 1.0) };
         let nearest = match source {
             Source::Point(point) => height.min((point.z - base).abs()),
             Source::Direction(_) => height,
         };
-        Some(Self { side, origin, source, solver, window, tolerance: TOLERANCE * nearest })
+        Some(Self { side, origin, source, solver, window, odds, tolerance: TOLERANCE * nearest })
     }
 
     fn path(&self, place: DVec2, counters: &mut Counters) -> ReflectedPath {
@@ -324,10 +327,13 @@ impl Reflections<'_> {
             return;
         }
         let Some(search) = ReflectionSearch::new(side, origin, sample.source.in_frame(frame), solver) else { return };
+        if search.odds < 1.0 && random.next_f64() >= search.odds {
+            return;
+        }
         let Some(root) = search.solve(random, counters) else { return };
         let Some(arrival) = search.arrival(scene, point, [light, pane], sample, &root, counters) else { return };
         let inverse = search.inverse_probability(&root, max_trials, random, counters);
-        arrive(Arrival { weight: arrival.weight * inverse, ..arrival });
+        arrive(Arrival { weight: arrival.weight * (inverse / search.odds), ..arrival });
     }
 }
 
