@@ -71,6 +71,9 @@ impl<'a> Surfaces<'a> {
     fn bsdf(&mut self, model: &SurfaceModel<String>) -> Element {
         match model {
             SurfaceModel::Diffuse { reflectance } => two_sided(self.diffuse(reflectance)),
+            SurfaceModel::DiffuseTransmission { reflectance, transmittance } => {
+                self.diffuse_transmission(reflectance, transmittance)
+            }
             SurfaceModel::Mirror { reflectance } => two_sided(mirror(*reflectance)),
             SurfaceModel::Metal { reflectance, roughness } => two_sided(self.metal(reflectance, roughness)),
             SurfaceModel::Coated { colour, metallic, roughness, coat, coat_colour, coat_strength } => {
@@ -97,6 +100,34 @@ impl<'a> Surfaces<'a> {
 
     fn diffuse(&mut self, reflectance: &ColourModel<String>) -> Element {
         diffuse(self.colour("reflectance", reflectance))
+    }
+
+    /// A mixture of what scatters all light back and what scatters all to the other side.
+    fn diffuse_transmission(
+        &mut self,
+        reflectance: &ColourModel<String>,
+        transmittance: &ColourModel<String>,
+    ) -> Element {
+        let (ColourModel::Colour(back), ColourModel::Colour(through)) = (reflectance, transmittance) else {
+            self.differ("`diffuse`", "it lets no light through: pictures of what is transmitted are left out");
+            return two_sided(self.diffuse(reflectance));
+        };
+        let [most_back, most_through] = [back, through].map(|colour| colour.iter().fold(0.0, |a: f64, b| a.max(*b)));
+        if most_through == 0.0 {
+            return two_sided(self.diffuse(reflectance));
+        }
+        if most_back + most_through > 1.0 {
+            self.differ("`diffuse` and `principledthin`", "a channel of the one or the other is too dark");
+        }
+        let weight = most_through / (most_back + most_through);
+        let part = |colour: &Triple, share: f64| {
+            colour.map(|channel| if share > 0.0 { (channel / share).min(1.0) } else { 0.0 })
+        };
+        let reflecting = two_sided(diffuse(rgb("reflectance", part(back, 1.0 - weight))));
+        let transmitting = Element::plugin("bsdf", "principledthin")
+            .containing(rgb("base_color", part(through, weight)))
+            .containing(float("diff_trans", 2.0));
+        self.blend(&ValueModel::Value(weight), reflecting, transmitting)
     }
 
     fn metal(&mut self, reflectance: &ColourModel<String>, roughness: &ValueModel<String>) -> Element {

@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::colour::GlassColour;
+use crate::scene::PaintDescription;
 use crate::scene::description::{ProfileDescription, SheetDescription};
 use crate::settings::check::{check_above, check_range};
 use crate::settings::{Check, JsonPath};
@@ -26,6 +27,9 @@ pub struct GlassDescription {
     pub index_of_refraction: f64,
     /// What colours it.
     pub colour: GlassColour,
+    /// Vitreous paint on each piece, with the mask over the rectangle around it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub paint: Option<Box<PaintDescription>>,
 }
 
 /// How a sheet was made.
@@ -68,6 +72,7 @@ impl Default for GlassDescription {
             thickness: 0.0018,
             index_of_refraction: 1.52,
             colour: GlassColour::default(),
+            paint: None,
         }
     }
 }
@@ -81,7 +86,8 @@ impl GlassDescription {
     pub(super) fn check(&self, path: &JsonPath<'_>) -> Check {
         check_above(self.thickness, 0.0, 0.1, &path.member("thickness"))?;
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
-        self.colour.check(&path.member("colour"))
+        self.colour.check(&path.member("colour"))?;
+        self.paint.as_ref().map_or(Ok(()), |paint| paint.check(&path.member("paint")))
     }
 }
 
