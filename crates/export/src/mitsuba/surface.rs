@@ -277,3 +277,30 @@ fn mirror(reflectance: Triple) -> Element {
 fn ggx() -> Element {
     Element::value("string", "distribution", "ggx")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_layer_that_scatters_to_both_sides_keeps_its_fractions() {
+        let [reflectance, transmittance] = [[0.25, 0.125, 0.0], [0.125, 0.25, 0.0]].map(ColourModel::Colour);
+        let model = SurfaceModel::DiffuseTransmission { reflectance, transmittance };
+        let cover = CoverModel { opacity: Some(ValueModel::Value(0.75)), normals: None };
+        let mut textures = Vec::new();
+        let mut surfaces = Surfaces::new(&mut textures);
+        let text = surfaces.covered(&model, &cover).text();
+        let expected = [
+            "\"mask\"",
+            "\"opacity\" value=\"0.75\"",
+            "\"blendbsdf\"",
+            "\"weight\" value=\"0.5\"",
+            "\"reflectance\" value=\"0.5 0.25 0\"",
+            "\"base_color\" value=\"0.25 0.5 0\"",
+            "\"diff_trans\" value=\"2\"",
+        ];
+        let places: Vec<Option<usize>> = expected.iter().map(|part| text.find(part)).collect();
+        assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?} of {expected:?} in\n{text}");
+        assert!(surfaces.differences.is_empty(), "{:?}", surfaces.differences);
+    }
+}

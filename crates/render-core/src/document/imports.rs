@@ -7,7 +7,7 @@ use super::SceneDescription;
 use crate::light::LightDescription;
 use crate::scene::Assets;
 use crate::scene::import::{Expansion, expand};
-use crate::scene::paint::take_paint;
+use crate::scene::painting::take_paint;
 use crate::scene::window::{self, WindowExpansion};
 use crate::settings::{JsonPath, SceneError};
 

@@ -83,7 +83,7 @@ pub(super) fn procedural_coefficients(
 }
 
 impl ProfileDescription {
-    /// The largest distance of the face from its plane, metres. That of a measured face is in its file: 0 stands for it.
+    /// A bound on the distance of the face from its plane, metres. That of a measured face is in its file: it has 0.
     pub(super) fn reach(&self) -> f64 {
         // The largest sum of so many waves with a mean square of 1.
         let largest_noise = |waves: f64| (2.0 * waves).sqrt();

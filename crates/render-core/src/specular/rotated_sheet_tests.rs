@@ -1,5 +1,5 @@
-//! Bounds of panes that are cut from a sheet anywhere and in any direction: they hold all that is found in a patch of
-//! such a pane, by evaluation and by rays through it.
+//! Panes that are cut from a sheet anywhere and in any direction. Their bounds hold all that is found in a patch of
+//! them, by evaluation and by rays through it.
 
 use std::collections::BTreeMap;
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::colour::{GlassColour, named};
 use super::glass::GlassDescription;
-use crate::scene::PaintDescription;
+use crate::scene::paint::PaintDescription;
 use crate::settings::check::{
     MIN_SINE, Numbers, Quoted, check_above, check_direction, check_name, check_range, check_triple,
 };

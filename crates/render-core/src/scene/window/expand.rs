@@ -180,6 +180,7 @@ impl Glazier<'_> {
                 let [low, high] = bounds(&plan.outline);
                 Some((outline.middle - 0.5 * (low + high), 0.0))
             }
+            Cutting::Centred => sheet.place_for(&outline.corners, DVec2::splat(0.5), piece.cut.rotation.to_degrees()),
             Cutting::Scattered => {
                 let random = DVec2::new(piece.cut.u, piece.cut.v);
                 sheet.place_for(&outline.corners, random, piece.cut.rotation.to_degrees())

@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::colour::GlassColour;
-use crate::scene::PaintDescription;
 use crate::scene::description::{ProfileDescription, SheetDescription};
+use crate::scene::paint::PaintDescription;
 use crate::settings::check::{check_above, check_range};
 use crate::settings::{Check, JsonPath};
 
@@ -43,6 +43,8 @@ pub enum GlassSheet {
     Cylinder,
     /// Cast or rolled with dimples, on a piece of 0.8 x 0.8 m.
     Hammered,
+    /// A small disc of 0.25 m, spun for itself, with the mark of the rod in its middle; best cut `centred`.
+    Bullion,
     /// Without relief.
     Flat,
     /// A relief of its own.
@@ -59,6 +61,8 @@ pub enum Cutting {
     /// Where it comes to lie in the window: the sheet goes through behind the lead, with its middle over that of the
     /// opening.
     InPlace,
+    /// About the middle of the sheet, as roundels are, and in any direction.
+    Centred,
 }
 
 /// A sheet without relief has to be as large as the largest piece.
@@ -123,6 +127,21 @@ impl GlassSheet {
             Self::Hammered => {
                 let dimples = ProfileDescription::Hammered { wavelength: 0.02, amplitude: 6e-5, seed };
                 size(0.8, 0.8, dimples, ProfileDescription::Flat)
+            }
+            Self::Bullion => {
+                let rings = |wavelength, amplitude, seed| ProfileDescription::Crown {
+                    centre: [0.0, 0.0],
+                    wavelength,
+                    amplitude,
+                    seed,
+                };
+                let mark = ProfileDescription::Bump {
+                    centre: [0.0, 0.0],
+                    radius: [0.011, 0.009],
+                    rotation: 0.0,
+                    amplitude: 1.2e-3,
+                };
+                size(0.25, 0.25, rings(0.014, 3.5e-5, seed), mark)
             }
             Self::Flat => size(FLAT_EDGE, FLAT_EDGE, ProfileDescription::Flat, ProfileDescription::Flat),
             Self::Own(sheet) => sheet.clone(),

@@ -9,9 +9,9 @@ use super::description::WindowDescription;
 use super::glass::GlassDescription;
 use crate::bsdf::MaterialDescription;
 use crate::geometry::Face;
-use crate::scene::PaintDescription;
 use crate::scene::description::{MeshDescription, PaneDescription, SheetDescription};
-use crate::scene::paint::PaintLayer;
+use crate::scene::paint::PaintDescription;
+use crate::scene::painting::PaintLayer;
 
 /// What the paint of a protective pane is called. No kind of glass has an empty name, so that this is none of them.
 pub(super) const OUTER: &str = "";
