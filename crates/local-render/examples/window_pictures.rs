@@ -103,8 +103,16 @@ impl<'a> Plate<'a> {
         Ok(image(&scene, &plan, &film.sums()?, &provenance)?.layers().mean.clone())
     }
 
-    /// A room with the window in it, and trees before the window, whose trunks show what the glass does.
+    /// A wall with the window in it, and trees before the window, whose trunks show what the glass does. The wall is
+    /// dark, as it is in photographs that are exposed for glass.
     fn scene(&self, cell: &Value) -> Value {
+        let settings = self.settings;
+        let mut scene = self.stage(cell);
+        merge(&mut scene, &settings["scene"]);
+        scene
+    }
+
+    fn stage(&self, cell: &Value) -> Value {
         let settings = self.settings;
         let sill = settings["sill"].as_f64().unwrap_or(0.35);
         let mut window = json!({"name": "window", "x_axis": [1, 0, 0], "sill": [0, 0, sill]});
@@ -128,11 +136,6 @@ impl<'a> Plate<'a> {
         let mut meshes = vec![
             level("floor", "flagstones", 4.0, [-5.0, 0.2], 0.0),
             level("lawn", "grass", 300.0, [0.6, 600.0], -0.6),
-            // A dim room behind the camera: as much of the sky goes by as other windows would let in.
-            level("ceiling", "gloom", 4.0, [-5.0, 0.2], 3.4),
-            quad("back", "gloom", [[-4.0, -5.0, 0.0], [4.0, -5.0, 0.0], [4.0, -5.0, 3.4], [-4.0, -5.0, 3.4]]),
-            quad("left", "gloom", [[-3.2, -5.0, 0.0], [-3.2, 0.2, 0.0], [-3.2, 0.2, 3.4], [-3.2, -5.0, 3.4]]),
-            quad("right", "gloom", [[3.2, -5.0, 0.0], [3.2, 0.2, 0.0], [3.2, 0.2, 3.4], [3.2, -5.0, 3.4]]),
         ];
         meshes.extend((0..70).map(|number: u32| {
             // Spread without a pattern by multiples of irrational numbers.
@@ -143,15 +146,14 @@ impl<'a> Plate<'a> {
             let tip = 0.4 * half;
             quad(&name, "bark", [[x - half, y, -0.6], [x + half, y, -0.6], [x + tip, y, top], [x - tip, y, top]])
         }));
-        let gloom = json!({"metallic_roughness": {
-            "base_colour": {"colour": [0.2, 0.2, 0.2]}, "metallic": 0, "specular": 0, "opacity": 0.8}});
         json!({
             "version": 2, "name": "a window", "seed": 1, "film": {"width": self.size[0], "height": self.size[1]},
             "camera": {"perspective": camera}, "integrator": {"fnee": {"max_depth": 4}},
             "sampling": {"samples_per_pass": PASS, "samples_per_block": 4 * PASS},
             "materials": {
-                "flagstones": matt([0.42, 0.38, 0.33]), "grass": matt([0.12, 0.2, 0.06]),
-                "bark": matt([0.06, 0.07, 0.04]), "gloom": gloom
+                "flagstones": matt([0.24, 0.21, 0.18]), "grass": matt([0.12, 0.2, 0.06]),
+                "bark": matt([0.06, 0.07, 0.04]), "limewashed wall": matt([0.2, 0.185, 0.16]),
+                "tracery stone": matt([0.2, 0.185, 0.16])
             },
             "meshes": meshes, "windows": [window],
             "lights": [
@@ -164,10 +166,13 @@ impl<'a> Plate<'a> {
     }
 }
 
-/// Sets the members of one object in another. Members of `design` are set one by one.
+/// Objects of which members are set one by one.
+const SET_ONE_BY_ONE: [&str; 2] = ["design", "materials"];
+
+/// Sets the members of one object in another.
 fn merge(into: &mut Value, from: &Value) {
     for (name, value) in from.as_object().into_iter().flatten() {
-        if name == "design" {
+        if SET_ONE_BY_ONE.contains(&name.as_str()) {
             merge(&mut into[name], value);
         } else {
             into[name] = value.clone();

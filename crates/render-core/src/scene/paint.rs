@@ -51,7 +51,7 @@ fn is_usual_reflectance(colour: &ColourDescription) -> bool {
 }
 
 fn transmittance() -> ColourDescription {
-    ColourDescription::Colour([0.05, 0.035, 0.02])
+    ColourDescription::Colour([0.02, 0.012, 0.006])
 }
 
 fn is_usual_transmittance(colour: &ColourDescription) -> bool {
