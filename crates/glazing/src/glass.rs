@@ -16,6 +16,8 @@ pub enum GlassPattern {
     Checker(GlassCycle),
     /// A kind for each row, over and over from below.
     Rows(GlassCycle),
+    /// A kind for each light, over and over: first those on the sill, from the left, then those above them.
+    Lights(GlassCycle),
     /// Kinds at random, by weight.
     Mixed(MixedGlass),
 }
@@ -64,6 +66,17 @@ fn one() -> f64 {
     1.0
 }
 
+/// Where a piece is in a pattern.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PatternPlace {
+    /// Number of its light.
+    pub(crate) light: i64,
+    /// Its row.
+    pub(crate) row: i64,
+    /// Its number along rows and from row to row.
+    pub(crate) checker: i64,
+}
+
 impl Default for GlassPattern {
     fn default() -> Self {
         Self::Uniform(UniformGlass { name: "clear".to_owned() })
@@ -82,6 +95,7 @@ impl GlassPattern {
             Self::Uniform(uniform) => check_name(&join(path, "uniform.name"), &uniform.name),
             Self::Checker(names) => cycle("checker", names),
             Self::Rows(names) => cycle("rows", names),
+            Self::Lights(names) => cycle("lights", names),
             Self::Mixed(mixed) => {
                 let path = join(path, "mixed.kinds");
                 check_length(&path, mixed.kinds.len())?;
@@ -98,18 +112,21 @@ impl GlassPattern {
     pub(crate) fn names(&self) -> Vec<&str> {
         match self {
             Self::Uniform(uniform) => vec![&uniform.name],
-            Self::Checker(cycle) | Self::Rows(cycle) => cycle.names.iter().map(String::as_str).collect(),
+            Self::Checker(cycle) | Self::Rows(cycle) | Self::Lights(cycle) => {
+                cycle.names.iter().map(String::as_str).collect()
+            }
             Self::Mixed(mixed) => mixed.kinds.iter().map(|kind| kind.name.as_str()).collect(),
         }
     }
 
-    /// The kind of a piece.
-    pub(crate) fn pick(&self, row: i64, checker: i64, random: &mut Random) -> &str {
+    /// The kind of a piece, by its place.
+    pub(crate) fn pick(&self, place: PatternPlace, random: &mut Random) -> &str {
         let cycle = |names: &[String], number: i64| number.rem_euclid(names.len().max(1) as i64) as usize;
         match self {
             Self::Uniform(uniform) => &uniform.name,
-            Self::Checker(GlassCycle { names }) => names.get(cycle(names, checker)).map_or("", String::as_str),
-            Self::Rows(GlassCycle { names }) => names.get(cycle(names, row)).map_or("", String::as_str),
+            Self::Checker(GlassCycle { names }) => names.get(cycle(names, place.checker)).map_or("", String::as_str),
+            Self::Rows(GlassCycle { names }) => names.get(cycle(names, place.row)).map_or("", String::as_str),
+            Self::Lights(GlassCycle { names }) => names.get(cycle(names, place.light)).map_or("", String::as_str),
             Self::Mixed(MixedGlass { kinds }) => {
                 let total: f64 = kinds.iter().map(|kind| kind.weight).sum();
                 let mut left = random.unit() * total;
@@ -149,8 +166,10 @@ mod tests {
     #[test]
     fn cycles_repeat() {
         let names = || GlassCycle { names: vec!["red".into(), "blue".into()] };
-        assert_eq!(GlassPattern::Checker(names()).pick(5, -1, &mut random()), "blue");
-        assert_eq!(GlassPattern::Rows(names()).pick(-2, 1, &mut random()), "red");
+        let place = PatternPlace { light: 3, row: -2, checker: -1 };
+        assert_eq!(GlassPattern::Checker(names()).pick(place, &mut random()), "blue");
+        assert_eq!(GlassPattern::Rows(names()).pick(place, &mut random()), "red");
+        assert_eq!(GlassPattern::Lights(names()).pick(place, &mut random()), "blue");
     }
 
     #[test]
@@ -158,7 +177,9 @@ mod tests {
         let kind = |name: &str, weight| WeightedGlass { name: name.into(), weight };
         let mixed = GlassPattern::Mixed(MixedGlass { kinds: vec![kind("red", 3.0), kind("blue", 1.0)] });
         let mut random = random();
-        let reds = (0..10_000).filter(|_| mixed.pick(0, 0, &mut random) == "red").count();
+        let reds = (0..10_000)
+            .filter(|_| mixed.pick(PatternPlace { light: 0, row: 0, checker: 0 }, &mut random) == "red")
+            .count();
         assert!((7300..7700).contains(&reds), "{reds}");
     }
 

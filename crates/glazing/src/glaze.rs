@@ -8,7 +8,7 @@ use crate::arrangement::Arrangement;
 use crate::convex::{ConvexParts, CutTests};
 use crate::error::GlazingError;
 use crate::filling::{Cell, CellGlass, Filling, Layout, Region};
-use crate::glass::GlassPattern;
+use crate::glass::{GlassPattern, PatternPlace};
 use crate::grid::VertexGrid;
 use crate::lead::Cames;
 use crate::outline::Outline;
@@ -140,8 +140,8 @@ impl Glazier<'_> {
         let tilt = [0.0; 2].map(|_: f64| self.tilt * random.normal());
         let thickness_factor = 1.0 + self.thickness_variation * random.normal();
         let cut = SheetCut { u: random.unit(), v: random.unit(), rotation: std::f64::consts::TAU * random.unit() };
-        let pick =
-            |pattern: &GlassPattern, random: &mut Random| pattern.pick(cell.row, cell.checker, random).to_owned();
+        let at = PatternPlace { light: light as i64, row: cell.row, checker: cell.checker };
+        let pick = |pattern: &GlassPattern, random: &mut Random| pattern.pick(at, random).to_owned();
         let glass = match cell.glass {
             None => pick(self.glass, &mut random),
             Some(CellGlass::Pattern(pattern)) => pick(pattern, &mut random),

@@ -73,6 +73,13 @@ pub enum SurfaceModel<P = Texels> {
         /// Fraction of light reflected.
         reflectance: ColourModel<P>,
     },
+    /// Lambertian reflection, and Lambertian transmission to the other side, alike from both sides.
+    DiffuseTransmission {
+        /// Fraction of light scattered back.
+        reflectance: ColourModel<P>,
+        /// Fraction of light scattered to the other side.
+        transmittance: ColourModel<P>,
+    },
     /// Specular reflection on both sides, alike from all directions.
     Mirror {
         /// Fraction of light reflected.
@@ -370,6 +377,10 @@ impl<P> SurfaceModel<P> {
     pub fn try_map_textures<Q, E>(self, other: &mut MapTexture<'_, P, Q, E>) -> Result<SurfaceModel<Q>, E> {
         Ok(match self {
             Self::Diffuse { reflectance } => SurfaceModel::Diffuse { reflectance: reflectance.try_map(other)? },
+            Self::DiffuseTransmission { reflectance, transmittance } => SurfaceModel::DiffuseTransmission {
+                reflectance: reflectance.try_map(other)?,
+                transmittance: transmittance.try_map(other)?,
+            },
             Self::Mirror { reflectance } => SurfaceModel::Mirror { reflectance },
             Self::Metal { reflectance, roughness } => {
                 SurfaceModel::Metal { reflectance: reflectance.try_map(other)?, roughness: roughness.try_map(other)? }

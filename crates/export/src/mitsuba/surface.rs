@@ -71,6 +71,9 @@ impl<'a> Surfaces<'a> {
     fn bsdf(&mut self, model: &SurfaceModel<String>) -> Element {
         match model {
             SurfaceModel::Diffuse { reflectance } => two_sided(self.diffuse(reflectance)),
+            SurfaceModel::DiffuseTransmission { reflectance, transmittance } => {
+                self.diffuse_transmission(reflectance, transmittance)
+            }
             SurfaceModel::Mirror { reflectance } => two_sided(mirror(*reflectance)),
             SurfaceModel::Metal { reflectance, roughness } => two_sided(self.metal(reflectance, roughness)),
             SurfaceModel::Coated { colour, metallic, roughness, coat, coat_colour, coat_strength } => {
@@ -97,6 +100,34 @@ impl<'a> Surfaces<'a> {
 
     fn diffuse(&mut self, reflectance: &ColourModel<String>) -> Element {
         diffuse(self.colour("reflectance", reflectance))
+    }
+
+    /// A mixture of what scatters all light back and what scatters all to the other side.
+    fn diffuse_transmission(
+        &mut self,
+        reflectance: &ColourModel<String>,
+        transmittance: &ColourModel<String>,
+    ) -> Element {
+        let (ColourModel::Colour(back), ColourModel::Colour(through)) = (reflectance, transmittance) else {
+            self.differ("`diffuse`", "it lets no light through: pictures of what is transmitted are left out");
+            return two_sided(self.diffuse(reflectance));
+        };
+        let [most_back, most_through] = [back, through].map(|colour| colour.iter().fold(0.0, |a: f64, b| a.max(*b)));
+        if most_through == 0.0 {
+            return two_sided(self.diffuse(reflectance));
+        }
+        if most_back + most_through > 1.0 {
+            self.differ("`diffuse` and `principledthin`", "a channel of the one or the other is too dark");
+        }
+        let weight = most_through / (most_back + most_through);
+        let part = |colour: &Triple, share: f64| {
+            colour.map(|channel| if share > 0.0 { (channel / share).min(1.0) } else { 0.0 })
+        };
+        let reflecting = two_sided(diffuse(rgb("reflectance", part(back, 1.0 - weight))));
+        let transmitting = Element::plugin("bsdf", "principledthin")
+            .containing(rgb("base_color", part(through, weight)))
+            .containing(float("diff_trans", 2.0));
+        self.blend(&ValueModel::Value(weight), reflecting, transmitting)
     }
 
     fn metal(&mut self, reflectance: &ColourModel<String>, roughness: &ValueModel<String>) -> Element {
@@ -245,4 +276,31 @@ fn mirror(reflectance: Triple) -> Element {
 
 fn ggx() -> Element {
     Element::value("string", "distribution", "ggx")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_layer_that_scatters_to_both_sides_keeps_its_fractions() {
+        let [reflectance, transmittance] = [[0.25, 0.125, 0.0], [0.125, 0.25, 0.0]].map(ColourModel::Colour);
+        let model = SurfaceModel::DiffuseTransmission { reflectance, transmittance };
+        let cover = CoverModel { opacity: Some(ValueModel::Value(0.75)), normals: None };
+        let mut textures = Vec::new();
+        let mut surfaces = Surfaces::new(&mut textures);
+        let text = surfaces.covered(&model, &cover).text();
+        let expected = [
+            "\"mask\"",
+            "\"opacity\" value=\"0.75\"",
+            "\"blendbsdf\"",
+            "\"weight\" value=\"0.5\"",
+            "\"reflectance\" value=\"0.5 0.25 0\"",
+            "\"base_color\" value=\"0.25 0.5 0\"",
+            "\"diff_trans\" value=\"2\"",
+        ];
+        let places: Vec<Option<usize>> = expected.iter().map(|part| text.find(part)).collect();
+        assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?} of {expected:?} in\n{text}");
+        assert!(surfaces.differences.is_empty(), "{:?}", surfaces.differences);
+    }
 }

@@ -9,6 +9,7 @@ mod albedo_table;
 mod conductor;
 mod dielectric;
 mod diffuse;
+mod diffuse_transmission;
 #[cfg(test)]
 mod example;
 pub mod fresnel;
@@ -39,6 +40,7 @@ pub use conductor::ConductorMaterial;
 pub use dielectric::DielectricMaterial;
 pub(crate) use dielectric::{check_priority, crown_glass};
 pub use diffuse::DiffuseMaterial;
+pub use diffuse_transmission::DiffuseTransmissionMaterial;
 pub use metallic_roughness::MetallicRoughnessMaterial;
 pub use mirror::MirrorMaterial;
 pub use opacity::Opacity;
@@ -249,6 +251,12 @@ pub trait Bsdf: fmt::Debug + Send + Sync {
 
     /// Whether light goes through the surface, so that lights behind it count.
     fn transmits(&self) -> bool;
+
+    /// Whether light that specular surfaces send to its back is gathered there, too, rather than left to chance. It is
+    /// for thin layers: both sides of them are in the same medium.
+    fn gathers_behind(&self) -> bool {
+        false
+    }
 
     /// The fraction of light that is scattered, for the image's albedo layer.
     fn albedo(&self, at: &SurfacePoint) -> DVec3;

@@ -1,8 +1,8 @@
 //! The registry of materials.
 
 use super::{
-    ConductorMaterial, DielectricMaterial, DiffuseMaterial, MaterialSettings, MetallicRoughnessMaterial,
-    MirrorMaterial, RoughDielectricMaterial, ThinWallMaterial,
+    ConductorMaterial, DielectricMaterial, DiffuseMaterial, DiffuseTransmissionMaterial, MaterialSettings,
+    MetallicRoughnessMaterial, MirrorMaterial, RoughDielectricMaterial, ThinWallMaterial,
 };
 use crate::settings::kinds;
 
@@ -16,5 +16,6 @@ kinds! {
         "rough_dielectric" => RoughDielectric(RoughDielectricMaterial),
         "thin_wall" => ThinWall(ThinWallMaterial),
         "metallic_roughness" => MetallicRoughness(MetallicRoughnessMaterial),
+        "diffuse_transmission" => DiffuseTransmission(DiffuseTransmissionMaterial),
     }
 }

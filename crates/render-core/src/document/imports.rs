@@ -1,4 +1,4 @@
-//! The things of imported files and of leaded windows among those of the scene.
+//! The things of imported files, of leaded windows and of painted panes among those of the scene.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -7,6 +7,7 @@ use super::SceneDescription;
 use crate::light::LightDescription;
 use crate::scene::Assets;
 use crate::scene::import::{Expansion, expand};
+use crate::scene::painting::take_paint;
 use crate::scene::window::{self, WindowExpansion};
 use crate::settings::{JsonPath, SceneError};
 
@@ -33,7 +34,7 @@ impl SceneDescription {
     ///
     /// As [`Self::expanded`].
     pub fn expanded_with_notes(&self, assets: &Assets) -> Result<(Cow<'_, Self>, Vec<String>), SceneError> {
-        if self.imports.is_empty() && self.windows.is_empty() {
+        if self.is_expanded() {
             return Ok((Cow::Borrowed(self), Vec::new()));
         }
         let mut scene = self.clone();
@@ -58,6 +59,10 @@ impl SceneDescription {
             let windows = root.member("windows");
             scene.add_window(window::expand(window, &windows.element(index))?);
         }
+        for (mesh, material) in take_paint(&mut scene.panes, &scene.sheets) {
+            scene.materials.entry(mesh.material.clone()).or_insert(material);
+            scene.meshes.push(mesh);
+        }
         scene.validate().map_err(|error| scene.named(error))?;
         Ok((Cow::Owned(scene), bounded(notes)))
     }
@@ -70,6 +75,11 @@ impl SceneDescription {
         self.sheets.extend(sheets);
         self.meshes.extend(meshes);
         self.panes.extend(panes);
+    }
+
+    /// Whether all of its things stand in the file: there are no imports, windows or painted panes.
+    pub(super) fn is_expanded(&self) -> bool {
+        self.imports.is_empty() && self.windows.is_empty() && self.panes.iter().all(|pane| pane.paint.is_none())
     }
 
     /// An error about a thing that the scene file does not have, with its name in place of its number.

@@ -27,9 +27,8 @@ impl SceneDescription {
         self.compiled_path_filter()?;
         check_sampling(self.sampling, &root.member("sampling"))?;
         self.parts().check_things()?;
-        let is_whole = self.imports.is_empty() && self.windows.is_empty();
-        // The names of imported things, and of those of windows, are known once they are expanded.
-        if is_whole { self.check_integrator_names(&root.member("integrator")) } else { Ok(()) }
+        // The names of imported things, and of those of windows and paints, are known once they are expanded.
+        if self.is_expanded() { self.check_integrator_names(&root.member("integrator")) } else { Ok(()) }
     }
 
     /// The path filter, if there is one, ready for use.

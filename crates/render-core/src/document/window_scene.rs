@@ -29,6 +29,7 @@ pub fn window_of(design: WindowDesign, glass: BTreeMap<String, GlassDescription>
         y_axis: [0.0, 0.0, 1.0],
         design,
         glass,
+        paint: None,
         outer: None,
     }
 }

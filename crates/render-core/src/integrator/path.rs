@@ -73,6 +73,12 @@ const BEHIND_WALLS: [PathEvent; MOST_PASSED + 1] = {
     events
 };
 
+/// The point with the normal of each side on which light from specular surfaces is gathered.
+fn sides(point: ShadingPoint, gathers_behind: bool) -> impl Iterator<Item = ShadingPoint> {
+    let behind = ShadingPoint { normal: -point.normal, ..point };
+    std::iter::once(point).chain(gathers_behind.then_some(behind))
+}
+
 /// A path on its way.
 struct Walk {
     ray: Ray,
@@ -275,7 +281,7 @@ impl<'a> PathTracer<'a> {
             return DVec3::ZERO;
         }
         let carried = walk.throughput * hit.radiance * through_body(walk.body, hit.distance);
-        let Some(Origin { point, receiver, pdf: density }) = walk.stretch.from else { return carried };
+        let Some(Origin { point, receiver, pdf: density, gathers_behind }) = walk.stretch.from else { return carried };
         if walk.stretch.is_unseen {
             return carried;
         }
@@ -293,10 +299,11 @@ impl<'a> PathTracer<'a> {
         } else {
             Source::Direction(walk.ray.direction)
         };
-        // Methods gather light on the side of the normal alone: what a BSDF transmits from behind is left to chance.
-        if walk.stretch.links[0].direction.dot(point.normal) <= 0.0 {
+        // Methods gather light on the side of a normal: what other BSDFs transmit from behind is left to chance.
+        let towards = walk.stretch.links[0].direction;
+        let Some(point) = sides(point, gathers_behind).find(|side| towards.dot(side.normal) > 0.0) else {
             return carried;
-        }
+        };
         let path = SpecularPath {
             light,
             source,
@@ -379,7 +386,9 @@ impl<'a> PathTracer<'a> {
         walk.ray = Ray::new(position, next.direction);
         match next.kind {
             SampleKind::Density(pdf) => {
-                walk.stretch = Stretch::new(point.map(|(point, receiver)| Origin { point, receiver, pdf }));
+                let gathers_behind = bsdf.gathers_behind();
+                walk.stretch =
+                    Stretch::new(point.map(|(point, receiver)| Origin { point, receiver, pdf, gathers_behind }));
                 walk.stretch.is_left_to_chance = !was_asked;
                 true
             }
@@ -417,7 +426,9 @@ impl<'a> PathTracer<'a> {
         for chain in chains {
             let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
             if fits && self.accepts(walk.filter, &chain.with_light) {
-                *radiance += carried * self.specular_light(point, lobe, &chain.events, stream, counters);
+                for side in sides(*point, lobe.bsdf.gathers_behind()) {
+                    *radiance += carried * self.specular_light(&side, lobe, &chain.events, stream, counters);
+                }
             }
         }
     }
@@ -569,6 +580,8 @@ mod furnace_tests;
 mod media_tests;
 #[cfg(test)]
 mod opacity_tests;
+#[cfg(test)]
+mod paint_tests;
 #[cfg(test)]
 mod shining;
 #[cfg(test)]

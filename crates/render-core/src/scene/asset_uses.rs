@@ -7,6 +7,7 @@ use super::description::ProfileDescription;
 use super::import::ImportFiles;
 use super::import::gltf::{GltfFile, ImageSource};
 use super::mesh_format::FileMesh;
+use super::paint::PaintDescription;
 use super::parts::SceneParts;
 use super::sheet::profile_uses;
 use crate::settings::{AssetProblem, JsonPath};
@@ -66,7 +67,13 @@ pub(super) fn environment_uses(parts: SceneParts<'_>) -> impl Iterator<Item = (S
     })
 }
 
-/// The pictures of all textures of materials and lights, with the places of their files.
+/// The pictures of a paint, with the places of their files.
+fn paint_uses(place: String, paint: &PaintDescription) -> impl Iterator<Item = (String, PictureKey<'_>)> {
+    let uses = paint.textures().into_iter();
+    uses.map(move |texture| (format!("{place}.{}.file", texture.place), texture.picture()))
+}
+
+/// The pictures of all textures of materials, lights and paints, with the places of their files.
 pub(super) fn texture_uses(parts: SceneParts<'_>) -> impl Iterator<Item = (String, PictureKey<'_>)> {
     let of_lights = parts.lights.iter().enumerate().filter_map(|(index, light)| {
         let texture = light.texture()?;
@@ -83,5 +90,13 @@ pub(super) fn texture_uses(parts: SceneParts<'_>) -> impl Iterator<Item = (Strin
             (format!("{}.{}.file", place.member(material.kind()), texture.place), texture.picture())
         })
     });
-    of_materials.chain(of_lights)
+    let of_windows = parts.windows.iter().enumerate().flat_map(|(index, window)| {
+        let paints = window.paints().into_iter();
+        paints.flat_map(move |(place, paint)| paint_uses(format!("windows[{index}].{place}"), paint))
+    });
+    let of_panes = parts.panes.iter().enumerate().flat_map(|(index, pane)| {
+        let paint = pane.paint.as_deref().into_iter();
+        paint.flat_map(move |paint| paint_uses(format!("panes[{index}].paint"), paint))
+    });
+    of_materials.chain(of_lights).chain(of_windows).chain(of_panes)
 }

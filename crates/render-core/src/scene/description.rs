@@ -7,6 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::paint::PaintDescription;
 use crate::geometry::FaceCrossing;
 
 pub use crate::bsdf::MaterialDescription;
@@ -214,6 +215,9 @@ pub struct PaneDescription {
     /// Coloured layers on the faces, such as a flash of ruby or silver stain.
     #[serde(default, skip_serializing_if = "crate::settings::is_default")]
     pub layers: LayersDescription,
+    /// Vitreous paint on one of its faces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paint: Option<Box<PaintDescription>>,
     /// Profile of the front face.
     #[serde(default)]
     pub front: ProfileDescription,

@@ -82,6 +82,24 @@ pub(super) fn procedural_coefficients(
     }
 }
 
+impl ProfileDescription {
+    /// A bound on the distance of the face from its plane, metres. That of a measured face is in its file: it has 0.
+    pub(super) fn reach(&self) -> f64 {
+        // The largest sum of so many waves with a mean square of 1.
+        let largest_noise = |waves: f64| (2.0 * waves).sqrt();
+        match *self {
+            Self::Flat | Self::HeightMap { .. } => 0.0,
+            Self::Crown { amplitude, .. } => amplitude.abs() * (0.65 + 0.23 * largest_noise(12.0)),
+            Self::Cylinder { amplitude, .. } => amplitude.abs() * (8_f64.sqrt() + 0.1 * 4_f64.sqrt()),
+            Self::Bump { amplitude, .. } => amplitude.abs(),
+            Self::Hammered { amplitude, .. } => {
+                let height = largest_noise(24.0);
+                amplitude.abs() * (height + 0.35 * (height * height - 1.0))
+            }
+        }
+    }
+}
+
 /// Rings about a centre, slightly elliptical, warped and of varying strength.
 fn crown(grid: &Grid, centre: DVec2, wavelength: f64, amplitude: f64, mut random: Random) -> CoefficientGrid {
     let phase = random.phase();
@@ -259,6 +277,16 @@ mod tests {
         }
         let hammered = |seed| ProfileDescription::Hammered { wavelength: 0.02, amplitude: 1e-5, seed };
         assert_ne!(heights(&hammered(1), Face::Front), heights(&hammered(2), Face::Front));
+    }
+
+    #[test]
+    fn no_face_reaches_farther_than_it_says() {
+        for (profile, number) in all().iter().zip(0_u16..) {
+            let largest =
+                heights(profile, Face::Back).coefficients.iter().fold(0_f32, |most, height| most.max(height.abs()));
+            let reach = profile.reach();
+            assert!(f64::from(largest) <= reach && reach < 4e-3, "profile {number}: {largest} of {reach}");
+        }
     }
 
     #[test]

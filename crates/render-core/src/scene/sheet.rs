@@ -76,7 +76,7 @@ pub(super) fn face_name(face: Face) -> &'static str {
 
 impl PaneDescription {
     /// The corners of the pane in its own frame, counterclockwise.
-    fn corners(&self) -> Vec<DVec2> {
+    pub(super) fn corners(&self) -> Vec<DVec2> {
         let half = 0.5 * DVec2::new(self.width, self.height);
         if self.outline.is_empty() {
             return vec![-half, DVec2::new(half.x, -half.y), half, DVec2::new(-half.x, half.y)];
@@ -85,7 +85,7 @@ impl PaneDescription {
     }
 
     /// The pane's frame: x and y as described, z across the glass.
-    fn hanging(&self) -> Frame {
+    pub(super) fn hanging(&self) -> Frame {
         let x = DVec3::from(self.x_axis).normalize();
         let z = x.cross(DVec3::from(self.y_axis).normalize()).normalize();
         Frame::new(DVec3::from(self.centre), x, z.cross(x))

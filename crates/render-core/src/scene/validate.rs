@@ -296,6 +296,7 @@ fn check_pane(pane: &PaneDescription, sheets: &BTreeMap<String, SheetDescription
     check_triple(pane.layers.front, 0.0, 100.0, &layers.member("front"))?;
     check_triple(pane.layers.back, 0.0, 100.0, &layers.member("back"))?;
     check_priority(pane.priority, path)?;
+    pane.paint.as_ref().map_or(Ok(()), |paint| paint.check(&path.member("paint")))?;
     pane.check_cut(sheets, path)?;
     let face = SizedFace { width: pane.width, height: pane.height, relief: pane.thickness };
     check_profile(&pane.front, &face, &path.member("front"))?;

@@ -36,6 +36,8 @@ pub mod path;
 #[cfg(test)]
 mod polarisation_tests;
 pub mod registry;
+#[cfg(test)]
+mod rotated_sheet_tests;
 pub mod scope;
 mod second_panes;
 pub mod selection;

@@ -55,6 +55,13 @@ pub(super) fn diffuse() -> Arc<dyn Bsdf> {
     material(json!({"diffuse": {"reflectance": {"colour": [0.6, 0.5, 0.4]}}}))
 }
 
+/// A layer that lets more blue light through than it reflects, and less red light.
+pub(super) fn translucent() -> Arc<dyn Bsdf> {
+    material(json!({"diffuse_transmission": {
+        "reflectance": {"colour": [0.6, 0.3, 0.1]}, "transmittance": {"colour": [0.3, 0.35, 0.4]}
+    }}))
+}
+
 /// A conductor that reflects all light.
 pub(super) fn white_conductor(alpha: f64) -> Arc<dyn Bsdf> {
     material(json!({"conductor": {"reflectance": {"colour": [1, 1, 1]}, "roughness": alpha.sqrt()}}))
@@ -158,6 +165,8 @@ pub(super) fn scattering() -> Vec<Case> {
     for cosine in COSINES {
         cases.push(Case::flat("diffuse", diffuse(), 1.0, cosine));
         cases.push(Case::flat("parchment", parchment(), 1.0, -cosine));
+        cases.push(Case::flat("diffuse layer from the front", translucent(), 1.0, cosine));
+        cases.push(Case::flat("diffuse layer from behind", translucent(), 1.0, -cosine));
         for alpha in ALPHAS {
             cases.push(Case::flat("copper", copper(alpha), alpha, -cosine));
             cases.push(Case::flat("glass from outside", rough_glass(alpha), alpha, cosine));

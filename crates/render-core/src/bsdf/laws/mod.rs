@@ -16,7 +16,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use self::cases::{
     ALPHAS, COSINES, Case, Faulty, GLASS, diffuse, direction, frosted, half_metal, material, metallic_roughness,
-    plastic, rough_glass, scattering, tilted, white_conductor,
+    plastic, rough_glass, scattering, tilted, translucent, white_conductor,
 };
 use self::cells::Cells;
 use super::microfacet::Ggx;
@@ -313,6 +313,7 @@ fn light_takes_the_same_ways_in_both_directions() {
         assert!(found < 1e-9, "frosted: {found}");
     }
     assert!(irreciprocity(&*diffuse(), GLASS) < 1e-12);
+    assert!(irreciprocity(&*translucent(), 1.0) < 1e-12);
     // What is scaled by the albedo of the view alone, as Turquin does.
     let one_sided = Faulty::of_eval(plastic(0.5), |value, at, incident, _| value * at.normals.geometric.dot(incident));
     assert!(irreciprocity(&*one_sided, GLASS) > 0.01);

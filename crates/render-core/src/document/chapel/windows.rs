@@ -98,6 +98,7 @@ fn east(name: &str, x: f64, height: f64, seed: u64) -> WindowDescription {
         y_axis: [0.0, 0.0, 1.0],
         design,
         glass: BTreeMap::new(),
+        paint: None,
         outer: None,
     }
 }
@@ -124,6 +125,7 @@ fn south(number: u32) -> WindowDescription {
         y_axis: [0.0, 0.0, 1.0],
         design,
         glass: BTreeMap::from([("crown".to_owned(), crown)]),
+        paint: None,
         outer: Some(OuterGlazing { distance: 0.08, glass: GlassDescription::float() }),
     }
 }

@@ -63,6 +63,7 @@ fn pane(glass: Glass, cuts: u32, [window, row, column]: [u32; 3], seed: u64) -> 
         index_of_refraction: 1.52,
         absorption,
         layers: LayersDescription::default(),
+        paint: None,
         front,
         back,
         crossing: FaceCrossing::default(),

@@ -54,4 +54,6 @@ pub(super) struct Origin {
     pub(super) receiver: Receiver,
     /// The BSDF's density per solid angle with which the stretch's first direction was drawn.
     pub(super) pdf: f64,
+    /// Whether light from specular surfaces is gathered on both of its sides.
+    pub(super) gathers_behind: bool,
 }

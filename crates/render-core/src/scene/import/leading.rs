@@ -144,6 +144,7 @@ impl LeadingRule {
             y_axis: up.to_array(),
             design: self.design.within(size, number),
             glass: self.glass.clone(),
+            paint: None,
             outer: self.outer.clone(),
         }
     }

@@ -461,6 +461,7 @@ impl GlazeRule {
             index_of_refraction: self.index_of_refraction,
             absorption: self.absorption,
             layers: LayersDescription::default(),
+            paint: None,
             front: with_seed(&self.front, 2 * number),
             back: with_seed(&self.back, 2 * number + 1),
             crossing: crate::geometry::FaceCrossing::default(),

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::colour::{GlassColour, named};
 use super::glass::GlassDescription;
+use crate::scene::paint::PaintDescription;
 use crate::settings::check::{
     MIN_SINE, Numbers, Quoted, check_above, check_direction, check_name, check_range, check_triple,
 };
@@ -35,6 +36,9 @@ pub struct WindowDescription {
     /// here is crown glass of that colour.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub glass: BTreeMap<String, GlassDescription>,
+    /// Vitreous paint on all pieces, with one mask over the rectangle around the opening.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paint: Option<Box<PaintDescription>>,
     /// A protective pane outside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outer: Option<OuterGlazing>,
@@ -103,12 +107,27 @@ impl WindowDescription {
             check_name(name, &kinds)?;
             glass.check(&kinds.member(name))?;
         }
+        self.paint.as_ref().map_or(Ok(()), |paint| paint.check(&path.member("paint")))?;
         if let Some(outer) = &self.outer {
             let path = path.member("outer");
             check_above(outer.distance, 0.0, 1.0, &path.member("distance"))?;
             outer.glass.check(&path.member("glass"))?;
         }
         Ok(())
+    }
+
+    /// Its paints with their places below it.
+    pub(in crate::scene) fn paints(&self) -> Vec<(String, &PaintDescription)> {
+        let root = JsonPath::Root;
+        let kinds = root.member("glass");
+        let of_kinds = self
+            .glass
+            .iter()
+            .filter_map(|(name, kind)| Some((kinds.member(name).member("paint").to_string(), kind.paint.as_deref()?)));
+        let own = self.paint.as_deref().map(|paint| ("paint".to_owned(), paint));
+        let outer =
+            self.outer.as_ref().and_then(|outer| Some(("outer.glass.paint".to_owned(), outer.glass.paint.as_deref()?)));
+        own.into_iter().chain(of_kinds).chain(outer).collect()
     }
 
     /// The kind of glass of this name; `None` where there is none.

@@ -7,6 +7,7 @@ use glam::{DMat2, DQuat, DVec2, DVec3};
 
 use super::description::{OuterGlazing, WindowDescription};
 use super::glass::{Cutting, GlassDescription};
+use super::painter::{OUTER, Painter};
 use crate::bsdf::{DiffuseMaterial, MaterialDescription};
 use crate::geometry::FaceCrossing;
 use crate::math::hash::mix;
@@ -63,11 +64,16 @@ pub fn expand(window: &WindowDescription, path: &JsonPath<'_>) -> Result<WindowE
     let plan = plan(window, path)?;
     let mut expansion = WindowExpansion::default();
     let glazier = Glazier { window, path };
+    let mut painter = Painter::new(window, &plan);
     for piece in &plan.pieces {
-        glazier.add_piece(piece, &plan, &mut expansion)?;
+        glazier.add_piece(piece, &plan, &mut painter, &mut expansion)?;
     }
     if let Some(outer) = &window.outer {
-        glazier.add_outer(outer, &plan, &mut expansion)?;
+        glazier.add_outer(outer, &plan, &mut painter, &mut expansion)?;
+    }
+    for (mesh, material) in painter.finish() {
+        expansion.materials.insert(mesh.material.clone(), material);
+        expansion.meshes.push(mesh);
     }
     for mesh in plan.meshes() {
         glazier.add_mesh(mesh, &mut expansion);
@@ -82,7 +88,13 @@ struct Glazier<'a> {
 }
 
 impl Glazier<'_> {
-    fn add_piece(&self, piece: &Piece, plan: &WindowPlan, expansion: &mut WindowExpansion) -> Result<(), SceneError> {
+    fn add_piece(
+        &self,
+        piece: &Piece,
+        plan: &WindowPlan,
+        painter: &mut Painter<'_>,
+        expansion: &mut WindowExpansion,
+    ) -> Result<(), SceneError> {
         let Some(outline) = LocalOutline::of(&piece.outline) else { return Ok(()) };
         let kind = self.kind(&piece.glass)?;
         let cut = self.cut(&piece.glass, &kind, &outline, piece, plan, expansion)?;
@@ -98,6 +110,9 @@ impl Glazier<'_> {
             y_axis: (turn * y).to_array(),
             ..self.pane(&kind, &outline, thickness, &self.path.member("glass").member(&piece.glass))?
         };
+        if let Some(sheet) = expansion.sheets.get(&cut.name) {
+            painter.add_piece(&piece.glass, &kind, (&pane, sheet), outline.middle);
+        }
         expansion.panes.push(PaneDescription { sheet: Some(cut), ..pane });
         Ok(())
     }
@@ -130,6 +145,7 @@ impl Glazier<'_> {
             index_of_refraction: kind.index_of_refraction,
             absorption: tint.body,
             layers: LayersDescription { front: front.to_array(), back: [0.0; 3] },
+            paint: None,
             front: Default::default(),
             back: Default::default(),
             crossing: FaceCrossing::default(),
@@ -165,6 +181,7 @@ impl Glazier<'_> {
                 let [low, high] = bounds(&plan.outline);
                 Some((outline.middle - 0.5 * (low + high), 0.0))
             }
+            Cutting::Centred => sheet.place_for(&outline.corners, DVec2::splat(0.5), piece.cut.rotation.to_degrees()),
             Cutting::Scattered => {
                 let random = DVec2::new(piece.cut.u, piece.cut.v);
                 sheet.place_for(&outline.corners, random, piece.cut.rotation.to_degrees())
@@ -191,6 +208,7 @@ impl Glazier<'_> {
         &self,
         outer: &OuterGlazing,
         plan: &WindowPlan,
+        painter: &mut Painter<'_>,
         expansion: &mut WindowExpansion,
     ) -> Result<(), SceneError> {
         let [low, high] = bounds(&plan.outline);
@@ -215,6 +233,7 @@ impl Glazier<'_> {
             sheet: Some(SheetCut { name: name.clone(), at: at.to_array(), rotation }),
             ..self.pane(kind, &outline, thickness, &path.member("glass"))?
         };
+        painter.add_layer(OUTER, kind.paint.as_deref(), (&pane, &sheet));
         expansion.sheets.insert(name.clone(), sheet);
         expansion.panes.push(PaneDescription { name, ..pane });
         Ok(())

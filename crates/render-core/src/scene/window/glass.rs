@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::colour::GlassColour;
 use crate::scene::description::{ProfileDescription, SheetDescription};
+use crate::scene::paint::PaintDescription;
 use crate::settings::check::{check_above, check_range};
 use crate::settings::{Check, JsonPath};
 
@@ -26,6 +27,9 @@ pub struct GlassDescription {
     pub index_of_refraction: f64,
     /// What colours it.
     pub colour: GlassColour,
+    /// Vitreous paint on each piece, with the mask over the rectangle around it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub paint: Option<Box<PaintDescription>>,
 }
 
 /// How a sheet was made.
@@ -39,6 +43,8 @@ pub enum GlassSheet {
     Cylinder,
     /// Cast or rolled with dimples, on a piece of 0.8 x 0.8 m.
     Hammered,
+    /// A small disc of 0.25 m, spun for itself, with the mark of the rod in its middle; best cut `centred`.
+    Bullion,
     /// Without relief.
     Flat,
     /// A relief of its own.
@@ -55,6 +61,8 @@ pub enum Cutting {
     /// Where it comes to lie in the window: the sheet goes through behind the lead, with its middle over that of the
     /// opening.
     InPlace,
+    /// About the middle of the sheet, as roundels are, and in any direction.
+    Centred,
 }
 
 /// A sheet without relief has to be as large as the largest piece.
@@ -68,6 +76,7 @@ impl Default for GlassDescription {
             thickness: 0.0018,
             index_of_refraction: 1.52,
             colour: GlassColour::default(),
+            paint: None,
         }
     }
 }
@@ -81,7 +90,8 @@ impl GlassDescription {
     pub(super) fn check(&self, path: &JsonPath<'_>) -> Check {
         check_above(self.thickness, 0.0, 0.1, &path.member("thickness"))?;
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
-        self.colour.check(&path.member("colour"))
+        self.colour.check(&path.member("colour"))?;
+        self.paint.as_ref().map_or(Ok(()), |paint| paint.check(&path.member("paint")))
     }
 }
 
@@ -117,6 +127,21 @@ impl GlassSheet {
             Self::Hammered => {
                 let dimples = ProfileDescription::Hammered { wavelength: 0.02, amplitude: 6e-5, seed };
                 size(0.8, 0.8, dimples, ProfileDescription::Flat)
+            }
+            Self::Bullion => {
+                let rings = |wavelength, amplitude, seed| ProfileDescription::Crown {
+                    centre: [0.0, 0.0],
+                    wavelength,
+                    amplitude,
+                    seed,
+                };
+                let mark = ProfileDescription::Bump {
+                    centre: [0.0, 0.0],
+                    radius: [0.011, 0.009],
+                    rotation: 0.0,
+                    amplitude: 1.2e-3,
+                };
+                size(0.25, 0.25, rings(0.014, 3.5e-5, seed), mark)
             }
             Self::Flat => size(FLAT_EDGE, FLAT_EDGE, ProfileDescription::Flat, ProfileDescription::Flat),
             Self::Own(sheet) => sheet.clone(),

@@ -7,6 +7,7 @@ mod colour;
 mod description;
 mod expand;
 mod glass;
+mod painter;
 
 pub use clerestory_glazing::WindowDesign;
 pub use colour::{COLOURS, GlassColour, HistoricalColour, Tint};

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use crate::document::malformed_scenes::valid_scene;
 use crate::document::{SceneBundle, SceneDescription};
 use crate::scene::Scene;
+use crate::scene::description::MeshSource;
 use crate::settings::SceneError;
 
 fn scene_with(window: Value) -> Value {
@@ -88,6 +89,84 @@ fn an_outer_pane_stands_before_the_opening() {
     let place = outer.frame.point_to_world(outer.outline.middle().extend(outer.thickness));
     assert!((place.z - 0.95).abs() < 1e-12, "{place}");
     assert!(outer.outline.cuts().len() > 4, "it has the form of the head");
+}
+
+/// The expanded scene of a window.
+fn expanded(window: Value) -> SceneDescription {
+    let description = SceneDescription::parse(scene_with(window).to_string().as_bytes()).unwrap();
+    description.expanded(&Default::default()).unwrap().into_owned()
+}
+
+/// Corners and texture coordinates of the triangles of a mesh.
+fn triangles(scene: &SceneDescription, name: &str) -> Vec<[(DVec3, DVec2); 3]> {
+    let mesh = scene.meshes.iter().find(|mesh| mesh.name == name).expect("the mesh is there");
+    let MeshSource::Inline { positions, triangles, texture_coordinates, .. } = &mesh.source else { panic!("{mesh:?}") };
+    let corner =
+        |index: u32| (DVec3::from(positions[index as usize]), DVec2::from(texture_coordinates[index as usize]));
+    triangles.iter().map(|triangle| triangle.map(corner)).collect()
+}
+
+fn area([(a, _), (b, _), (c, _)]: &[(DVec3, DVec2); 3]) -> f64 {
+    0.5 * (*b - *a).cross(*c - *a).length()
+}
+
+#[test]
+fn paint_covers_the_inner_faces_and_its_mask_the_opening() {
+    let mut window = lancet();
+    window["paint"] = json!({"mask": 0.5});
+    window["glass"]["old"]["paint"] = json!({"mask": 0.25, "face": "front"});
+    let scene = expanded(window);
+    let [plain, old, over] = ["east paint", "east paint on old", "east paint over paint"].map(|name| {
+        let all = triangles(&scene, name);
+        (all.iter().map(area).sum::<f64>(), all)
+    });
+    let built = build(&scene_with(lancet())).unwrap();
+    let glass: f64 = built.panes().iter().map(|pane| pane.outline.area()).sum();
+    assert!((plain.0 + over.0 - glass).abs() < 1e-9 * glass, "{} and {} of {glass}", plain.0, over.0);
+    assert!(old.0 > 0.1 * glass && (old.0 - over.0).abs() < 1e-9 * glass, "{}, {}", old.0, over.0);
+    // How far a triangle is inside of the inner face of its pane, and its thickness.
+    let before = |triangle: &[(DVec3, DVec2); 3]| {
+        let middle = triangle.iter().map(|(at, _)| *at).sum::<DVec3>() / 3.0;
+        let mut locals = built.panes().iter().map(|pane| (pane, pane.frame.point_to_local(middle)));
+        let (pane, local) = locals.find(|(pane, local)| pane.outline.contains(local.truncate())).expect("a pane");
+        (local.z - pane.thickness, pane.thickness)
+    };
+    for triangle in plain.1.iter().chain(&over.1) {
+        let (distance, _) = before(triangle);
+        assert!(distance > 2e-4 && distance < 1e-3, "{distance}");
+        for (at, coordinates) in triangle {
+            // The opening is 0.5 m wide and 1.2 m high, and pieces are tilted a little.
+            let place = DVec2::new(at.x / 0.5 + 0.5, at.y / 1.2);
+            assert!((place - *coordinates).length() < 1e-3, "{coordinates} at {at}");
+        }
+    }
+    for triangle in &old.1 {
+        let (distance, thickness) = before(triangle);
+        assert!(-distance - thickness > 2e-4 && -distance - thickness < 1e-3, "{distance}");
+        let reach = |(_, coordinates): &(DVec3, DVec2)| (*coordinates - 0.5).abs().max_element();
+        assert!(triangle.iter().all(|corner| reach(corner) <= 0.5 + 1e-9), "{triangle:?}");
+    }
+}
+
+#[test]
+fn what_is_wrong_with_paint_is_said_at_its_place() {
+    let painted = |change: &dyn Fn(&mut Value)| {
+        let mut window = lancet();
+        change(&mut window);
+        window
+    };
+    let mask = painted(&|window| window["paint"] = json!({"mask": 1.5}));
+    check_refused(mask, "windows[0].paint.mask", "1.5");
+    let bright = painted(&|window| {
+        window["paint"] = json!({"mask": 1, "reflectance": {"colour": [0.1, 0.7, 0]},
+            "transmittance": {"colour": [0.2, 0.4, 0]}});
+    });
+    check_refused(bright, "windows[0].paint.transmittance.colour[1]", "reflectance, 0.7");
+    let far = painted(&|window| window["glass"]["old"]["paint"] = json!({"mask": 1, "distance": 0.5}));
+    check_refused(far, "windows[0].glass.old.paint.distance", "0.01");
+    let texture = json!({"texture": {"file": "lines.png"}, "channel": "alpha"});
+    let missing = painted(&|window| window["paint"] = json!({"mask": texture}));
+    check_refused(missing, "windows[0].paint.mask.texture.file", "lines.png");
 }
 
 #[test]
