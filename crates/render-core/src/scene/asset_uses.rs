@@ -94,9 +94,16 @@ pub(super) fn texture_uses(parts: SceneParts<'_>) -> impl Iterator<Item = (Strin
         let paints = window.paints().into_iter();
         paints.flat_map(move |(place, paint)| paint_uses(format!("windows[{index}].{place}"), paint))
     });
+    let of_imports = parts.imports.iter().enumerate().flat_map(|(index, import)| {
+        import.lead.iter().enumerate().flat_map(move |(rule, leading)| {
+            let place = format!("imports[{index}].lead[{rule}]");
+            let paints = leading.paints().into_iter();
+            paints.flat_map(move |(below, paint)| paint_uses(format!("{place}.{below}"), paint))
+        })
+    });
     let of_panes = parts.panes.iter().enumerate().flat_map(|(index, pane)| {
         let paint = pane.paint.as_deref().into_iter();
         paint.flat_map(move |paint| paint_uses(format!("panes[{index}].paint"), paint))
     });
-    of_materials.chain(of_lights).chain(of_windows).chain(of_panes)
+    of_materials.chain(of_lights).chain(of_windows).chain(of_imports).chain(of_panes)
 }

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::glazing::PaneFit;
 use crate::math::hash::mix;
-use crate::scene::window::{GlassDescription, OuterGlazing, WindowDescription, WindowExpansion, expand};
+use crate::scene::paint::PaintDescription;
+use crate::scene::window::{GlassDescription, OuterGlazing, WindowDescription, WindowExpansion, expand, paints};
 use crate::settings::{Check, JsonPath, SceneError};
 
 /// Makes leaded windows of flat rectangles and of thin closed boxes of an import. They have the members of the windows
@@ -26,6 +27,9 @@ pub struct LeadingRule {
     /// Kinds of glass by the names that `design` gives them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub glass: BTreeMap<String, GlassDescription>,
+    /// Vitreous paint on all pieces, with one mask over each opening.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paint: Option<Box<PaintDescription>>,
     /// A protective pane outside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outer: Option<OuterGlazing>,
@@ -99,7 +103,18 @@ impl FittedDesign {
 impl LeadingRule {
     /// Diamonds of clear sheet glass, as is usual, of what has such a name.
     pub fn new(pattern: &str) -> Self {
-        Self { pattern: pattern.to_owned(), design: FittedDesign::default(), glass: BTreeMap::new(), outer: None }
+        Self {
+            pattern: pattern.to_owned(),
+            design: FittedDesign::default(),
+            glass: BTreeMap::new(),
+            paint: None,
+            outer: None,
+        }
+    }
+
+    /// Its paints with their places below it.
+    pub(in crate::scene) fn paints(&self) -> Vec<(String, &PaintDescription)> {
+        paints(self.paint.as_deref(), &self.glass, self.outer.as_ref())
     }
 
     /// Checks what can be checked without an opening.
@@ -144,7 +159,7 @@ impl LeadingRule {
             y_axis: up.to_array(),
             design: self.design.within(size, number),
             glass: self.glass.clone(),
-            paint: None,
+            paint: self.paint.clone(),
             outer: self.outer.clone(),
         }
     }

@@ -82,6 +82,22 @@ pub(crate) fn check_windows(windows: &[WindowDescription], path: &JsonPath<'_>) 
     Ok(())
 }
 
+/// All paints of a window, its kinds of glass and its protective pane, with their places below it.
+pub(in crate::scene) fn paints<'a>(
+    own: Option<&'a PaintDescription>,
+    glass: &'a BTreeMap<String, GlassDescription>,
+    outer: Option<&'a OuterGlazing>,
+) -> Vec<(String, &'a PaintDescription)> {
+    let root = JsonPath::Root;
+    let kinds = root.member("glass");
+    let of_kinds = glass
+        .iter()
+        .filter_map(|(name, kind)| Some((kinds.member(name).member("paint").to_string(), kind.paint.as_deref()?)));
+    let own = own.map(|paint| ("paint".to_owned(), paint));
+    let outer = outer.and_then(|outer| Some(("outer.glass.paint".to_owned(), outer.glass.paint.as_deref()?)));
+    own.into_iter().chain(of_kinds).chain(outer).collect()
+}
+
 impl WindowDescription {
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_name(&self.name, &path.member("name"))?;
@@ -118,16 +134,7 @@ impl WindowDescription {
 
     /// Its paints with their places below it.
     pub(in crate::scene) fn paints(&self) -> Vec<(String, &PaintDescription)> {
-        let root = JsonPath::Root;
-        let kinds = root.member("glass");
-        let of_kinds = self
-            .glass
-            .iter()
-            .filter_map(|(name, kind)| Some((kinds.member(name).member("paint").to_string(), kind.paint.as_deref()?)));
-        let own = self.paint.as_deref().map(|paint| ("paint".to_owned(), paint));
-        let outer =
-            self.outer.as_ref().and_then(|outer| Some(("outer.glass.paint".to_owned(), outer.glass.paint.as_deref()?)));
-        own.into_iter().chain(of_kinds).chain(outer).collect()
+        paints(self.paint.as_deref(), &self.glass, self.outer.as_ref())
     }
 
     /// The kind of glass of this name; `None` where there is none.
