@@ -8,6 +8,7 @@ use clerestory_film::{SampleStream, SamplerSettings};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
+use super::caster::Caster;
 use super::testing::{between, pair, random};
 use super::{Arrival, THROUGH_PANE};
 use crate::document::{SceneBundle, SceneDescription};
@@ -58,6 +59,11 @@ fn pieces() -> Vec<Vec<DVec2>> {
 }
 
 fn scene(integrator: &Value, panes: Value) -> PreparedScene {
+    let lamp = json!({"point": {"name": "lamp", "position": [0.9, 0.7, 0.8], "intensity": [1, 1, 1]}});
+    scene_under(&lamp, integrator, panes)
+}
+
+fn scene_under(lamp: &Value, integrator: &Value, panes: Value) -> PreparedScene {
     // Too flat for folds, near which a search finds paths by chance, and weights are random.
     let dimples = |seed: u64| json!({"hammered": {"wavelength": 0.03, "amplitude": 6e-6, "seed": seed}});
     let scene = json!({
@@ -70,7 +76,7 @@ fn scene(integrator: &Value, panes: Value) -> PreparedScene {
         "integrator": integrator,
         "sheets": {"sheet": {"width": SIZE.x, "height": SIZE.y, "front": dimples(1), "back": dimples(2)}},
         "panes": panes,
-        "lights": [{"point": {"name": "lamp", "position": [0.9, 0.7, 0.8], "intensity": [1, 1, 1]}}]
+        "lights": [lamp]
     });
     let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
     PreparedScene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
@@ -181,4 +187,71 @@ fn mnee_finds_the_paths_within_each_piece() {
     assert!(paths > 200, "{paths} paths, {across} across cuts");
     // A walk begins where the straight line meets the glass, which may be another piece.
     assert!(unlike * 3 < paths, "{unlike} of {paths} paths");
+}
+
+/// A strip along the diagonal of the sheet, a twelfth of it.
+fn strip() -> Vec<DVec2> {
+    let half = 0.5 * SIZE;
+    let across = DVec2::new(-SIZE.y, SIZE.x).normalize() * 0.0035;
+    let inside = 0.93 * half;
+    vec![-inside - across, inside - across, inside + across, -inside + across]
+}
+
+/// What it costs to look for light through a piece of glass from places before all of its sheet: solver calls, heights
+/// and rays.
+fn work(lamp: &Value, integrator: &Value, piece: &[DVec2]) -> [u64; 3] {
+    let scene = scene_under(lamp, integrator, json!([pane("piece", piece)]));
+    let mut random = random(47);
+    let mut counters = Counters::default();
+    for number in 0..2000 {
+        let through = (pair(&mut random) - 0.5) * SIZE;
+        let way = DVec3::new(0.1, 0.2, 2.0) - through.extend(0.0);
+        let position = through.extend(0.0) - way * 0.2;
+        let point = ShadingPoint { position, normal: DVec3::Z, surface: SurfaceId::Nothing, bounces: 0 };
+        let mut stream = SampleStream::new(&SamplerSettings { seed: 9, samples_per_block: 1 }, 0, [0, 0], number);
+        let method = scene.method().unwrap();
+        method.sample_li(scene.scene(), &point, 0, &THROUGH_PANE, &mut stream, &mut counters, &mut |_| ());
+    }
+    [counters.solver_calls, counters.height_evaluations, counters.rays]
+}
+
+/// Seeds of `sms` are uniform over a caster, wherever the point and the light are.
+#[test]
+fn random_seeds_lie_within_the_outline() {
+    let scene = scene(&json!({"sms": {}}), json!([pane("strip", &strip())]));
+    let point = ShadingPoint {
+        position: DVec3::new(0.0, 0.0, -1.0),
+        normal: DVec3::Z,
+        surface: SurfaceId::Nothing,
+        bounces: 0,
+    };
+    let caster = Caster::Pane(0).seen_from(scene.scene(), &point).unwrap();
+    let glass = &scene.scene().panes()[0];
+    for number in 0..1000 {
+        let mut stream = SampleStream::new(&SamplerSettings { seed: 3, samples_per_block: 1 }, 0, [0, 0], number);
+        let seed = caster.sample(scene.scene(), &mut stream.trials(), &mut Counters::default()).unwrap();
+        assert!(glass.outline.contains(glass.frame.point_to_local(seed).truncate()), "{seed}");
+    }
+}
+
+/// The light is small: from places behind the lead, there is no way through the glass.
+#[test]
+fn nothing_is_spent_on_what_the_lead_covers() {
+    let at = json!([0.1, 0.2, 2.0]);
+    let point = json!({"point": {"name": "lamp", "position": at, "intensity": [1, 1, 1]}});
+    let ball = json!({"sphere": {"name": "lamp", "centre": at, "radius": 0.005, "radiance": [1, 1, 1]}});
+    let methods = [
+        (&point, json!({"fnee": {}})),
+        (&point, json!({"mnee": {}})),
+        (&ball, json!({"cone": {}})),
+        (&ball, json!({"fnee": {}})),
+    ];
+    for (lamp, integrator) in methods {
+        let [of_strip, of_sheet] = [strip(), pieces_of_whole()].map(|piece| work(lamp, &integrator, &piece));
+        println!("{integrator}: {of_strip:?} of {of_sheet:?}");
+        for (strip, sheet) in of_strip.into_iter().zip(of_sheet) {
+            // The strip is a twelfth of the sheet; light bends across its edges here and there.
+            assert!(strip * 6 <= sheet, "{integrator}: {of_strip:?} for the strip, {of_sheet:?} for the sheet");
+        }
+    }
 }
