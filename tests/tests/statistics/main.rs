@@ -3,6 +3,7 @@
 
 mod auto;
 mod bias;
+mod chapel;
 mod connections;
 mod environments;
 mod laws;

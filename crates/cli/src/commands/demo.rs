@@ -1,16 +1,17 @@
-//! `clerestory demo`: a farm on this machine renders sunlight through four old panes, and shows its error falling.
+//! `clerestory demo`: a farm on this machine renders sunlight through old panes or a chapel, and shows its error falling.
 
 use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use clerestory_api::{ConvergencePoint, JobView};
 use clerestory_render_core::document::{SamplingDescription, SceneDescription};
 use clerestory_render_core::scene::description::FilmDescription;
 use tempfile::TempDir;
 
+use super::scene::write_chapel;
 use crate::child::Environment;
 use crate::connection::Connection;
 use crate::download::download;
@@ -29,14 +30,65 @@ use crate::shutdown::{self, Parent};
 use crate::submission::{JobSettings, reference_asset, submit};
 use crate::text::{counted, duration_text};
 
-/// The scene that is rendered, from the root of the repository.
+/// The room, from the root of the repository.
 const SCENE: &str = "scenes/room.json";
+
+/// The chapel, in the folder for the images.
+const CHAPEL: &str = "chapel.json";
 
 /// The reference: the same room with another seed, and some 280 samples a pixel.
 const REFERENCE: &str = "scenes/room/demo-reference.exr";
 
-/// Default size of the image.
-const SIZE: [u32; 2] = [640, 480];
+/// What is rendered unless a scene is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum ShippedScene {
+    /// Sunlight through four old panes in a room, with a reference.
+    #[default]
+    Room,
+    /// A chapel with stained glass and leaded diamonds. It has no reference.
+    Chapel,
+}
+
+impl ShippedScene {
+    /// The scene file, which is made in the folder for the images where it does not ship.
+    fn file(self, output: &Path) -> Result<PathBuf, Failure> {
+        match self {
+            Self::Room => shipped(SCENE),
+            Self::Chapel => {
+                fs::create_dir_all(output).map_err(|source| Failure::Write { file: output.to_owned(), source })?;
+                let file = output.join(CHAPEL);
+                write_chapel(&file)?;
+                Ok(file)
+            }
+        }
+    }
+
+    /// Default size of the image. Paths in the chapel are longer.
+    fn size(self) -> Size {
+        let [width, height] = match self {
+            Self::Room => [640, 480],
+            Self::Chapel => [200, 150],
+        };
+        Size { width, height }
+    }
+
+    /// Smaller passes than the default, so that the first rounds come within seconds. Where there is no reference, blocks
+    /// are small as well: four of them tell the error.
+    fn sampling(self) -> SamplingDescription {
+        let samples_per_block = match self {
+            Self::Room => 64,
+            Self::Chapel => 4,
+        };
+        SamplingDescription { samples_per_pass: 4, samples_per_block }
+    }
+
+    fn reference(self, film: FilmDescription, progress: &Progress) -> Result<Option<PathBuf>, Failure> {
+        match self {
+            Self::Room => shipped_reference(film, progress),
+            Self::Chapel => Ok(None),
+        }
+    }
+}
 
 /// Worker processes.
 const WORKERS: usize = 2;
@@ -47,14 +99,14 @@ const TIME_LIMIT: Duration = Duration::from_secs(90);
 /// Samples per pixel at which it ends on faster machines.
 const SAMPLES_PER_PIXEL: u32 = 256;
 
-/// Smaller passes than the default, so that the first rounds come within seconds.
-const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 4, samples_per_block: 64 };
-
 /// Options of `clerestory demo`.
 #[derive(Debug, Args)]
 pub(crate) struct DemoArguments {
-    /// Scene to render instead of the one that ships with Clerestory.
-    #[arg(long, value_name = "FILE")]
+    /// What is rendered.
+    #[arg(value_enum, default_value_t)]
+    shipped: ShippedScene,
+    /// Scene to render instead of one that ships with Clerestory.
+    #[arg(long, value_name = "FILE", conflicts_with = "shipped")]
     scene: Option<PathBuf>,
     /// OpenEXR image that the error is measured against, for a scene of your own.
     #[arg(long, value_name = "FILE", requires = "scene")]
@@ -77,10 +129,9 @@ pub(crate) struct DemoArguments {
 
 pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let mut progress = Progress::new();
-    let scene = arguments.scene.clone().map_or_else(|| shipped(SCENE), Ok)?;
+    let scene = arguments.scene.clone().map_or_else(|| arguments.shipped.file(&arguments.output), Ok)?;
     if arguments.scene.is_none() {
-        let [width, height] = SIZE;
-        arguments.overrides.size.get_or_insert(Size { width, height });
+        arguments.overrides.size.get_or_insert(arguments.shipped.size());
     }
     let mut limits = arguments.limits;
     if limits.spp.is_none() && limits.time.is_none() {
@@ -88,7 +139,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
         limits.time = Some(TIME_LIMIT);
     }
     let LoadedScene { bundle, assumptions } = arguments.overrides.load(&scene, SamplingOverrides::default())?;
-    let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
+    let description = SceneDescription { sampling: arguments.shipped.sampling(), ..bundle.description().clone() };
     let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;
     let preflight = match Preflight::of(&bundle).map_err(failure)? {
@@ -98,7 +149,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     };
     let reference = match arguments.scene {
         Some(_) => arguments.reference,
-        None => shipped_reference(bundle.description().film, &progress)?,
+        None => arguments.shipped.reference(bundle.description().film, &progress)?,
     };
     limits.check_targets(reference.is_some(), None)?;
     let settings = JobSettings {
@@ -177,11 +228,19 @@ fn report(job: &JobView, points: &[ConvergencePoint], files: &[PathBuf]) -> Resu
         job.samples,
         duration_text(core_time)
     ))?;
-    let errors: Vec<_> = points.iter().filter_map(|point| Some((point.samples_per_pixel, point.mse?))).collect();
+    let of = |error: fn(&ConvergencePoint) -> Option<f64>| -> Vec<_> {
+        points.iter().filter_map(|point| Some((point.samples_per_pixel, error(point)?))).collect()
+    };
+    let measured = of(|point| point.mse);
+    let is_measured = !measured.is_empty();
+    let (errors, how) = if is_measured {
+        (measured, "against the reference")
+    } else {
+        (of(|point| point.estimated_mse), "as the noise of the image tells")
+    };
     if let [(first_samples, first), .., (last_samples, last)] = errors[..] {
         print_line(&format!(
-            "Mean squared error against the reference: {first:.3e} at {first_samples} samples per pixel, {last:.3e} \
-             at {last_samples}"
+            "Mean squared error {how}: {first:.3e} at {first_samples} samples per pixel, {last:.3e} at {last_samples}"
         ))?;
     }
     files.iter().try_for_each(|file| print_line(&format!("Wrote {}", file.display())))

@@ -234,7 +234,8 @@ impl PaneTree {
         self.panes_where(|node| node.may_show(from, region))
     }
 
-    /// The panes whose outside may mirror light of `region` to the shading point `from`, in ascending order.
+    /// The panes whose outside may mirror light of `region`, on the point's side of them, to the shading point `from`, in
+    /// ascending order.
     pub(crate) fn mirrors(&self, from: DVec3, region: &LightRegion) -> Panes {
         self.panes_where(|node| node.may_mirror(from, region))
     }
@@ -535,11 +536,16 @@ mod tests {
             let vertex = place.extend(side.near_base() + jet.height);
             let normal = unit_normal(jet.gradient);
             let towards = (vertex - origin).normalize();
-            let direction = pane.frame.vector_to_world(towards - normal * (2.0 * towards.dot(normal)));
+            let onwards = towards - normal * (2.0 * towards.dot(normal));
+            if onwards.z * side.sign > -0.01 {
+                // Steep relief mirrors it into the pane.
+                continue;
+            }
+            let direction = pane.frame.vector_to_world(onwards);
             let vertex = pane.frame.point_to_world(vertex);
             mirrored += 1;
             for source in
-                [Source::Direction(direction), Source::Point(vertex + direction * between(&mut random, 0.1, 20.0))]
+                [Source::Direction(direction), Source::Point(vertex + direction * between(&mut random, 0.3, 20.0))]
             {
                 let mirrors = tree.mirrors(from, &LightRegion::of_source(source));
                 assert!(mirrors.contains(&(index as u32)), "pane {index} from {from} for {source:?}");

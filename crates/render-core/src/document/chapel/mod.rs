@@ -98,11 +98,11 @@ fn lights() -> Vec<LightDescription> {
             // 32 degrees high, in the south-east.
             direction: [0.66, 0.53, 0.53],
             angular_radius: 0.27,
-            radiance: [41_000.0, 37_000.0, 31_000.0],
+            radiance: [32_000.0, 28_500.0, 23_500.0],
         }),
         LightDescription::Environment(EnvironmentLight {
             name: "sky".to_owned(),
-            radiance: EnvironmentRadiance::Colour([0.35, 0.45, 0.6]),
+            radiance: EnvironmentRadiance::Colour([0.8, 1.0, 1.3]),
             scale: 1.0,
             rotate: [0.0; 3],
         }),

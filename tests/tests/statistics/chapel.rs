@@ -1,0 +1,79 @@
+//! Light of the chapel's own windows: what `auto` and `cone` find through stained glass with its lead, bars and layers,
+//! and through diamonds with a pane before them, is what chance finds.
+
+use std::collections::BTreeMap;
+
+use clerestory_render_core::document::chapel::chapel;
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_tests::estimate::check_agreement;
+use clerestory_tests::rendering::block_means;
+use glam::DVec3;
+use serde_json::{Value, json};
+
+/// Angular radius of the sun, degrees, with which chance meets it often.
+const SUN: f64 = 12.0;
+
+/// From the middle of the window to the screen, metres.
+const DISTANCE: f64 = 2.0;
+
+/// A screen that faces the chapel's sun through one of its windows, and sees the light of one kind of path.
+fn lit_screen(window: &str, filter: &str, integrator: &str, seed: u64) -> PreparedScene {
+    let mut scene = serde_json::to_value(chapel().expect("pictures").scene).expect("JSON");
+    let light =
+        (scene["lights"].as_array().expect("lights").iter()).find_map(|light| light.get("sun")).expect("a sun").clone();
+    let towards = DVec3::from(serde_json::from_value::<[f64; 3]>(light["direction"].clone()).expect("a direction"));
+    let towards = towards.normalize();
+    let is_it = |candidate: &&Value| candidate["name"] == window;
+    let window = scene["windows"].as_array().expect("windows").iter().find(is_it).expect("a window").clone();
+    let sill = DVec3::from(serde_json::from_value::<[f64; 3]>(window["sill"].clone()).expect("a place"));
+    let height = window["design"]["opening"]["arch"]["height"].as_f64().expect("a height");
+    let centre = sill + DVec3::Z * (0.45 * height) - towards * DISTANCE;
+    let (x, y) = towards.any_orthonormal_pair();
+    let corner = |[across, up]: [f64; 2]| (centre + x * across + y * up).to_array();
+    let positions = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner);
+    scene["seed"] = json!(seed);
+    scene["film"] = json!({"width": 16, "height": 16});
+    scene["camera"] = json!({"orthographic": {
+        "position": centre + towards * 0.3, "look_at": centre, "up": y, "height": 0.5}});
+    scene["integrator"] = json!(integrator);
+    scene["path_filter"] = json!(filter);
+    scene["sampling"] = json!({"samples_per_pass": 16, "samples_per_block": 16});
+    scene["materials"] = json!({"screen": {"diffuse": {"reflectance": {"colour": [0.8, 0.8, 0.8]}}}});
+    scene["meshes"] = json!([{"name": "screen", "material": "screen", "source": {"inline": {
+        "positions": positions, "triangles": [[0, 1, 2], [0, 2, 3]]}}}]);
+    scene["windows"] = json!([window]);
+    scene["lights"] = json!([{"sun": {
+        "name": "sun", "direction": light["direction"], "angular_radius": SUN, "radiance": [1, 1, 1]}}]);
+    let description = SceneDescription::parse(scene.to_string().as_bytes()).expect("a valid scene");
+    let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("a scene without files");
+    PreparedScene::build(&bundle).expect("a scene that can be built")
+}
+
+/// Compares means over quarters of the picture from so many passes of chance and of each method, and asks that a part
+/// of the light could not be missing.
+#[track_caller]
+fn check(window: &str, filter: &str, integrators: &[&str], [by_chance, passes]: [u32; 2], fault: f64) {
+    let means = |integrator: &str, passes: u32, seed: u64| {
+        block_means(&lit_screen(window, filter, integrator, seed), passes, 2)
+    };
+    let chance = means("path", by_chance, 1);
+    for (integrator, seed) in integrators.iter().zip(2..) {
+        check_agreement(&format!("{window}, {integrator}"), &means(integrator, passes, seed), &chance, fault);
+    }
+}
+
+#[test]
+fn light_through_windows_of_the_chapel_is_that_of_path_tracing() {
+    check("east middle", "D TT L", &["auto"], [128, 16], 0.08);
+    check("south 1", "D TTTT L", &["auto"], [128, 16], 0.08);
+}
+
+#[test]
+#[ignore = "takes minutes; `tests/run long` has it"]
+fn light_through_all_windows_of_the_chapel_is_that_of_path_tracing() {
+    for window in ["east north", "east middle", "east south"] {
+        check(window, "D TT L", &["auto", "cone", "fnee"], [4096, 256], 0.015);
+    }
+    check("south 2", "D TTTT L", &["auto", "cone", "fnee"], [4096, 256], 0.015);
+}
