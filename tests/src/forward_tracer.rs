@@ -6,7 +6,7 @@
 //! where a line meets a height field. The only density to know is that of the start. This is the simplest unbiased
 //! estimator of the picture. It shares no formula with the methods that search paths backwards.
 //!
-//! All other paths are left out. Photons whose line to the light or onwards meets the box of another pane are dropped.
+//! All other paths are left out. Photons whose line to the light or onwards meets the prism of another pane are dropped.
 //! This is right only where panes do not cover each other.
 
 use std::f64::consts::PI;
@@ -18,7 +18,8 @@ use crate::polarised_light::TwoFaces;
 use crate::random::Random;
 use crate::reference::Image;
 use crate::spline::Spline;
-use crate::traced_scene::{TracedLight, TracedPane, TracedScene};
+use crate::traced_pane::TracedPane;
+use crate::traced_scene::{TracedLight, TracedScene};
 
 /// How a picture is traced.
 #[derive(Clone, Copy, Debug)]
@@ -125,26 +126,23 @@ pub fn photon(
     let pane = &scene.panes[pane_index];
     let side = Side::towards(pane, light);
     let start = side.start(pane, face);
+    if !pane.contains(start.local.truncate()) {
+        return None;
+    }
     let emission = emit(light, start.world, lamp)?;
     let exit = side.refract(pane, &start, emission.to_light)?;
     let obstructed = |origin: DVec3, direction: DVec3, reach: f64, skipped: usize| {
-        let triangles = scene.triangles.iter().enumerate().filter(|(i, _)| *i != skipped);
         let mut panes = scene.panes.iter().enumerate().filter(|(i, _)| *i != pane_index);
-        triangles.map(|(_, triangle)| triangle).any(|t| t.intersect(origin, direction, reach).is_some())
-            || panes.any(|(_, other)| other.box_meets(origin, direction, reach))
+        let nearest = scene.nearest_triangle(origin, direction, reach, skipped);
+        nearest.is_some() || panes.any(|(_, other)| other.prism_meets(origin, direction, reach))
     };
     if obstructed(start.world, emission.to_light, emission.distance, usize::MAX) {
         return None;
     }
-    let (distance, index) = scene
-        .triangles
-        .iter()
-        .enumerate()
-        .filter_map(|(i, t)| t.intersect(exit.origin, exit.direction, f64::INFINITY).map(|distance| (distance, i)))
-        .min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (distance, index) = scene.nearest_triangle(exit.origin, exit.direction, f64::INFINITY, usize::MAX)?;
     let triangle = &scene.triangles[index];
     let others =
-        |i: usize, other: &TracedPane| i != pane_index && other.box_meets(exit.origin, exit.direction, distance);
+        |i: usize, other: &TracedPane| i != pane_index && other.prism_meets(exit.origin, exit.direction, distance);
     if scene.panes.iter().enumerate().any(|(i, other)| others(i, other)) {
         return None;
     }
@@ -158,7 +156,7 @@ pub fn photon(
     let same_side = cosine * triangle.normal.dot(exit.direction) < 0.0;
     if !same_side
         || obstructed(point, sighting.direction, sighting.distance, index)
-        || pane.box_meets(point, sighting.direction, sighting.distance)
+        || pane.prism_meets(point, sighting.direction, sighting.distance)
     {
         return None;
     }
@@ -176,7 +174,7 @@ pub fn photon(
         Fault::AveragedPerFace => first * second,
         _ => both,
     };
-    let absorption = (pane.absorption * -exit.glass_length).to_array().map(libm::exp);
+    let absorption = (-pane.absorption * exit.glass_length - exit.layers).to_array().map(libm::exp);
     let flux = emission.power * DVec3::from(absorption) * (fresnel * exit.projected_area);
     Some(Splat { position: sighting.position, radiance: reflectance * flux * (sighting.density * cosine.abs() / PI) })
 }
@@ -324,6 +322,8 @@ pub struct Exit {
     pub faces: TwoFaces,
     /// Length of the way through the glass, metres.
     pub glass_length: f64,
+    /// Absorbance of the coloured layers on both faces along the way.
+    pub layers: DVec3,
     /// Area of the first face for a unit of its parameters, seen from the light, square metres.
     pub projected_area: f64,
 }
@@ -357,12 +357,20 @@ impl Side {
         }
     }
 
+    /// Absorbance of the layers where light enters and leaves, at these cosines to the normals in the glass.
+    fn layers(self, pane: &TracedPane, entering: f64, leaving: f64) -> DVec3 {
+        let [front, back] = pane.layers;
+        let [near, far] = if self == Self::Back { [back, front] } else { [front, back] };
+        near / entering.abs() + far / leaving.abs()
+    }
+
     /// The point with parameters `face` on the face where light enters.
     pub fn start(self, pane: &TracedPane, face: [f64; 2]) -> Start {
         let (spline, base) = self.faces(pane)[0];
-        let value = spline.value(face[0], face[1]);
-        let local = DVec3::new((face[0] - 0.5) * pane.size.x, (face[1] - 0.5) * pane.size.y, base + value.height);
-        let normal = DVec3::new(-value.du / pane.size.x, -value.dv / pane.size.y, 1.0) * self.sign();
+        let place = (DVec2::from(face) - 0.5) * pane.size;
+        let (height, slope) = pane.surface(spline, place);
+        let local = place.extend(base + height);
+        let normal = (-slope).extend(1.0) * self.sign();
         Start { local, world: pane.origin + pane.vector_to_world(local), normal }
     }
 
@@ -386,6 +394,7 @@ impl Side {
             parameters,
             faces: TwoFaces::new([-light, inside, outside], [first, second], index),
             glass_length: distance,
+            layers: self.layers(pane, inside.dot(first), inside.dot(second)),
             projected_area: projected * pane.size.x * pane.size.y,
         })
     }
@@ -438,13 +447,13 @@ fn leave(
     let mut distance = (base - origin.z) / direction.z;
     for _ in 0..ITERATIONS {
         let point = origin + direction * distance;
-        let (u, v) = (point.x / pane.size.x + 0.5, point.y / pane.size.y + 0.5);
-        let value = spline.value(u, v);
-        let gradient = [value.du / pane.size.x, value.dv / pane.size.y];
-        let residual = point.z - base - value.height;
+        let place = point.truncate();
+        let (height, slope) = pane.surface(spline, place);
+        let gradient = slope.to_array();
+        let residual = point.z - base - height;
         if residual.abs() < TOLERANCE {
-            let inside = (0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v);
-            return (distance > 0.0 && inside).then_some((distance, [u, v], gradient));
+            let parameters = (place / pane.size + 0.5).to_array();
+            return (distance > 0.0 && pane.contains(place)).then_some((distance, parameters, gradient));
         }
         distance -= residual / (direction.z - gradient[0] * direction.x - gradient[1] * direction.y);
     }

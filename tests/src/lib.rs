@@ -85,6 +85,8 @@ pub mod spline;
 pub mod stored_farm;
 pub mod sun_scene;
 pub mod system_calls;
+pub mod traced_pane;
 pub mod traced_scene;
+pub mod triangle_tree;
 pub mod two_interfaces;
 pub mod waiting;

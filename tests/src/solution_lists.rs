@@ -14,7 +14,8 @@ use serde_json::Value;
 use crate::comparisons::reference_folder;
 use crate::polarised_light::TwoFaces;
 use crate::spline::Spline;
-use crate::traced_scene::{TracedLight, TracedPane, TracedScene};
+use crate::traced_pane::TracedPane;
+use crate::traced_scene::{TracedLight, TracedScene};
 
 /// A point and its paths.
 #[derive(Deserialize)]

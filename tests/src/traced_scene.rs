@@ -4,6 +4,7 @@
 //! that are no geometry of paths come from the renderer's scene: coefficients of procedural profiles, and colours of
 //! textures.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,12 +15,14 @@ use clerestory_render_core::light::{DiskLight, PointLight, RectangleLight, Spher
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::SceneError;
 use clerestory_render_core::scene::description::{
-    CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
+    CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, SheetDescription,
 };
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
 use glam::{DVec2, DVec3};
 
 use crate::spline::Spline;
+use crate::traced_pane::TracedPane;
+use crate::triangle_tree::TriangleTree;
 
 /// Why a scene cannot be traced.
 #[derive(Debug, thiserror::Error)]
@@ -51,51 +54,6 @@ pub enum TracedSceneError {
         /// What would work.
         remedy: &'static str,
     },
-}
-
-/// A pane in its own frame: the front face near `z = 0`, the back face near `z = thickness`.
-#[derive(Clone, Debug)]
-pub struct TracedPane {
-    /// Centre of the undisplaced front face.
-    pub origin: DVec3,
-    /// The pane's x, y and z axes.
-    pub axes: [DVec3; 3],
-    /// Extent along x and y, metres.
-    pub size: DVec2,
-    /// Distance between the undisplaced faces, metres.
-    pub thickness: f64,
-    /// Index of refraction of the glass.
-    pub index_of_refraction: f64,
-    /// Absorption coefficient, per metre.
-    pub absorption: DVec3,
-    /// The front face.
-    pub front: Spline,
-    /// The back face.
-    pub back: Spline,
-}
-
-impl TracedPane {
-    /// A world direction in the pane's frame.
-    pub fn vector_to_local(&self, v: DVec3) -> DVec3 {
-        DVec3::new(self.axes[0].dot(v), self.axes[1].dot(v), self.axes[2].dot(v))
-    }
-
-    /// A direction of the pane's frame in the world.
-    pub fn vector_to_world(&self, v: DVec3) -> DVec3 {
-        self.axes[0] * v.x + self.axes[1] * v.y + self.axes[2] * v.z
-    }
-
-    /// Whether the segment from `start` to `start + reach * direction` meets the box around the pane.
-    pub fn box_meets(&self, start: DVec3, direction: DVec3, reach: f64) -> bool {
-        let (o, d) = (self.vector_to_local(start - self.origin), self.vector_to_local(direction));
-        let half = self.size / 2.0;
-        let low = DVec3::new(-half.x, -half.y, self.front.bounds()[0]);
-        let high = DVec3::new(half.x, half.y, self.thickness + self.back.bounds()[1]);
-        let (a, b) = ((low - o) / d, (high - o) / d);
-        let enter = a.min(b).max_element().max(0.0);
-        let leave = a.max(b).min_element().min(reach);
-        enter < leave
-    }
 }
 
 /// A triangle with Lambertian reflection on both sides.
@@ -243,6 +201,8 @@ pub struct TracedScene {
     pub panes: Vec<TracedPane>,
     /// The surfaces, in the order of the scene file.
     pub triangles: Vec<TracedTriangle>,
+    /// The same as a tree.
+    pub tree: TriangleTree,
     /// The lights.
     pub lights: Vec<TracedLight>,
     colours: Arc<Scene>,
@@ -265,7 +225,7 @@ impl TracedScene {
     /// A scene that cannot be built, a file that cannot be understood, PLY files, rotated meshes, spots and
     /// environments.
     pub fn build(bundle: &SceneBundle, folder: &Path) -> Result<Self, TracedSceneError> {
-        let description = bundle.description();
+        let description = &*bundle.description().expanded(bundle.assets())?;
         let colours = Arc::new(Scene::build(description.parts(), bundle.assets(), &mut |_| ())?);
         let film = [description.film.width as usize, description.film.height as usize];
         let mut triangles = Vec::new();
@@ -279,15 +239,40 @@ impl TracedScene {
             }
             triangles.extend(part);
         }
-        let panes = description.panes.iter().enumerate().map(|(i, pane)| traced_pane(pane, folder, &colours, i));
+        let panes = description
+            .panes
+            .iter()
+            .enumerate()
+            .map(|(i, pane)| traced_pane(pane, &description.sheets, folder, &colours, i));
         Ok(Self {
             film,
             camera: camera(&description.camera, film),
             panes: panes.collect::<Result<_, _>>()?,
+            tree: TriangleTree::over(&triangles),
             triangles,
             lights: description.lights.iter().map(light).collect::<Result<_, _>>()?,
             colours,
         })
+    }
+
+    /// The nearest triangle on a ray but for one, with its distance.
+    pub fn nearest_triangle(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        reach: f64,
+        skipped: usize,
+    ) -> Option<(f64, usize)> {
+        let (mut nearest, mut limit) = (None, reach);
+        self.tree.visit(origin, direction, reach, &mut |index| {
+            if index != skipped
+                && let Some(distance) = self.triangles[index].intersect(origin, direction, limit)
+            {
+                (nearest, limit) = (Some((distance, index)), distance);
+            }
+            limit
+        });
+        nearest
     }
 
     /// The fraction of light that triangle `index` reflects at a point on it.
@@ -303,7 +288,7 @@ impl TracedScene {
 fn mesh_triangles(mesh: &MeshDescription, folder: &Path) -> Result<Vec<TracedTriangle>, TracedSceneError> {
     let unsupported =
         |what: &str, remedy| TracedSceneError::Unsupported { what: format!("mesh `{}` {what}", mesh.name), remedy };
-    if mesh.rotate != [0.0; 3] || mesh.matrix.is_some() {
+    if mesh.rotate != [0.0; 3] {
         return Err(unsupported("with a rotation", "rotate its positions"));
     }
     let corners: Vec<[DVec3; 3]> = match &mesh.source {
@@ -316,7 +301,11 @@ fn mesh_triangles(mesh: &MeshDescription, folder: &Path) -> Result<Vec<TracedTri
         MeshSource::Gltf(_) => return Err(unsupported("from a glTF file", "use OBJ")),
         MeshSource::Waves(_) => return Err(unsupported("of waves", "use OBJ")),
     };
-    let place = |point: DVec3| point * mesh.scale + DVec3::from(mesh.translate);
+    let moved = |point: DVec3| match mesh.matrix {
+        Some(rows) => DVec3::from(rows.map(|[x, y, z, offset]| DVec3::new(x, y, z).dot(point) + offset)),
+        None => point,
+    };
+    let place = |point: DVec3| moved(point) * mesh.scale + DVec3::from(mesh.translate);
     Ok(corners
         .into_iter()
         .map(|corners| corners.map(place))
@@ -365,13 +354,11 @@ fn camera(description: &CameraDescription, film: [usize; 2]) -> TracedCamera {
 
 fn traced_pane(
     description: &PaneDescription,
+    sheets: &BTreeMap<String, SheetDescription>,
     folder: &Path,
     scene: &Scene,
     index: usize,
 ) -> Result<TracedPane, TracedSceneError> {
-    let x = DVec3::from(description.x_axis).normalize();
-    let y = DVec3::from(description.y_axis);
-    let y = (y - x * x.dot(y)).normalize();
     let spline = |profile: &ProfileDescription, face: Face| -> Result<Spline, TracedSceneError> {
         match profile {
             ProfileDescription::Flat => Ok(Spline::flat()),
@@ -388,16 +375,13 @@ fn traced_pane(
             }
         }
     };
-    Ok(TracedPane {
-        origin: DVec3::from(description.centre),
-        axes: [x, y, x.cross(y)],
-        size: DVec2::new(description.width, description.height),
-        thickness: description.thickness,
-        index_of_refraction: description.index_of_refraction,
-        absorption: DVec3::from(description.absorption),
-        front: spline(&description.front, Face::Front)?,
-        back: spline(&description.back, Face::Back)?,
-    })
+    let sheet = description.sheet.as_ref().and_then(|cut| sheets.get(&cut.name));
+    let (front, back) = match sheet {
+        Some(sheet) => (&sheet.front, &sheet.back),
+        None => (&description.front, &description.back),
+    };
+    let size = sheet.map(|sheet| DVec2::new(sheet.width, sheet.height));
+    Ok(TracedPane::new(description, size, spline(front, Face::Front)?, spline(back, Face::Back)?))
 }
 
 /// Reads the heights of a height map: row by row from the top of the file, with the number of columns and rows.

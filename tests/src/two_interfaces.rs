@@ -18,7 +18,8 @@ use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::forward_tracer::{LightSample, Side};
-use crate::traced_scene::{TracedLight, TracedPane};
+use crate::traced_pane::TracedPane;
+use crate::traced_scene::TracedLight;
 
 /// Cells are cut into four at most so often where the miss turns round but Newton's method finds no path.
 const MOST_CUTS: u32 = 8;

@@ -25,3 +25,4 @@ mod solutions;
 mod spots;
 mod two_interfaces;
 mod water_caustics;
+mod windows;

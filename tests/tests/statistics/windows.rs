@@ -1,0 +1,75 @@
+//! Light through panes that are cut from a sheet, and through leaded windows, against photons that are traced forward.
+
+use std::path::Path;
+
+use clerestory_render_core::document::SceneBundle;
+use clerestory_tests::bias::{BLOCK, BiasReport, compare};
+use clerestory_tests::comparisons::pictures;
+use clerestory_tests::cut_sheet::CutSheet;
+use clerestory_tests::forward_tracer::{Fault, Tracing, trace};
+use clerestory_tests::reference::{Image, Reference};
+use clerestory_tests::traced_scene::TracedScene;
+
+/// Photons of faulty references: enough for what the test has to notice.
+const FAULTY_PHOTONS: u64 = 400_000;
+
+/// A scene as the forward tracer sees it, with changes.
+fn traced(bundle: &SceneBundle, change: &dyn Fn(&mut TracedScene)) -> TracedScene {
+    let mut scene = TracedScene::build(bundle, Path::new(".")).expect("a scene that can be traced");
+    change(&mut scene);
+    scene
+}
+
+fn reference(scene: &TracedScene, photons: u64, fault: Fault) -> Reference {
+    Reference::from_batches(&trace(scene, &Tracing { photons, batches: 32, seed: 11, fault }))
+}
+
+/// Pictures of a scene agree with photons, and not with those of a faulty tracer or of a changed scene.
+#[track_caller]
+fn check(
+    what: &str,
+    bundle: &SceneBundle,
+    [samples, photons]: [u64; 2],
+    change: (&str, &dyn Fn(&mut TracedScene)),
+) -> BiasReport {
+    let (replicates, _) = pictures(bundle, samples as u32, 1, &|_| 1);
+    let against = |reference: &Reference, replicates: &[Image]| compare(replicates, reference, &[], BLOCK);
+    let scene = traced(bundle, &|_| ());
+    let verdict = against(&reference(&scene, photons, Fault::None), &replicates);
+    println!("{what}: {verdict}");
+    assert!(verdict.agrees() && verdict.mean_error < 0.005, "{what}: {verdict}");
+    let without_fresnel = reference(&scene, FAULTY_PHOTONS, Fault::MissingFresnelFactor);
+    let changed = reference(&traced(bundle, change.1), FAULTY_PHOTONS, Fault::None);
+    for (fault, reference) in [("a missing Fresnel factor", without_fresnel), (change.0, changed)] {
+        let report = against(&reference, &replicates);
+        println!("{what} against {fault}: {report}");
+        assert!(!report.agrees(), "{what} against {fault}: {report}");
+    }
+    verdict
+}
+
+/// Without the cuts, light crosses from piece to piece.
+fn without_cuts(scene: &mut TracedScene) {
+    for pane in &mut scene.panes {
+        pane.outline.clear();
+    }
+}
+
+fn check_cut_sheet(pieces: [u32; 2], integrator: &str, work: [u64; 2]) -> BiasReport {
+    let bundle = CutSheet { pieces, integrator, samples: 1, seed: 1 }.scene();
+    check(&format!("{pieces:?} pieces, {integrator}"), &bundle, work, ("no cuts", &without_cuts))
+}
+
+#[test]
+fn cone_obeys_the_cutting_law() {
+    check_cut_sheet([8, 16], "cone", [1, 4_000_000]);
+}
+
+#[test]
+#[ignore = "takes minutes; `tests/run long` has it"]
+fn every_method_obeys_the_cutting_law() {
+    for integrator in ["cone", "fnee", "auto"] {
+        let report = check_cut_sheet([8, 16], integrator, [8, 100_000_000]);
+        assert!(report.has_power(), "{integrator}: {report}");
+    }
+}
