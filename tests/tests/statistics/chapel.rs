@@ -1,5 +1,5 @@
-//! Light of the chapel's own windows: what `auto` and `cone` find through stained glass with its lead, bars and layers,
-//! and through diamonds with a pane before them, is what chance finds.
+//! Light of the chapel's own windows is the light that chance finds. There is stained glass with its lead, bars and
+//! layers, and there are diamonds with a pane before them.
 
 use std::collections::BTreeMap;
 
