@@ -1,5 +1,5 @@
-//! Light of the chapel's own windows: what `auto` and `cone` find through stained glass with its lead, bars and layers,
-//! and through diamonds with a pane before them, is what chance finds.
+//! Light of the chapel's own windows is the light that chance finds. There is stained glass with its lead, bars and
+//! layers, and there are diamonds with a pane before them.
 
 use std::collections::BTreeMap;
 
@@ -35,8 +35,7 @@ fn lit_screen(window: &str, filter: &str, integrator: &str, seed: u64) -> Prepar
     scene["seed"] = json!(seed);
     scene["film"] = json!({"width": 16, "height": 16});
     scene["camera"] = json!({"orthographic": {
-        "position": (centre + towards * 0.3).to_array(), "look_at": centre.to_array(), "up": y.to_array(),
-        "height": 0.5}});
+        "position": (centre + towards * 0.3).to_array(), "look_at": centre.to_array(), "up": y.to_array(), "height": 0.5}});
     scene["integrator"] = json!(integrator);
     scene["path_filter"] = json!(filter);
     scene["sampling"] = json!({"samples_per_pass": 16, "samples_per_block": 16});

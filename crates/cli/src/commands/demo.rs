@@ -1,4 +1,5 @@
-//! `clerestory demo`: a farm on this machine renders sunlight through old panes or a chapel, and shows its error falling.
+//! `clerestory demo`: a farm on this machine renders sunlight through old panes, or a chapel, and shows its error
+//! falling.
 
 use std::fs;
 use std::io::{self, IsTerminal};
@@ -72,8 +73,8 @@ impl ShippedScene {
         Size { width, height }
     }
 
-    /// Smaller passes than the default, so that the first rounds come within seconds. Where there is no reference, blocks
-    /// are small as well: four of them tell the error.
+    /// Smaller passes than the default, so that the first rounds come within seconds. Where there is no reference,
+    /// blocks are small as well: four of them tell the error.
     fn sampling(self) -> SamplingDescription {
         let samples_per_block = match self {
             Self::Room => 64,

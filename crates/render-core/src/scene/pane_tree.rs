@@ -10,9 +10,11 @@
 //! light. So their sum has a tangential part of at most the largest slope times its part along the pane's normal. Over
 //! a ball around the pane the sum hardly varies.
 //!
-//! Where a second pane stands close behind a pane, the direction between both takes the place of w, and is off it by what
-//! the second pane may do. Light never comes through a pane from the point's side of it, nor is it mirrored from the
-//! other one: that leaves out whole walls at once.
+//! Where a second pane stands close behind a pane, the direction between both takes the place of w. The second pane
+//! bounds by how much it is off.
+//!
+//! Light never comes through a pane from the point's side of it, nor is it mirrored from the other side. That leaves
+//! out whole walls at once.
 
 use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
@@ -234,8 +236,8 @@ impl PaneTree {
         self.panes_where(|node| node.may_show(from, region))
     }
 
-    /// The panes whose outside may mirror light of `region`, on the point's side of them, to the shading point `from`, in
-    /// ascending order.
+    /// The panes whose outside may mirror light of `region`, on the point's side of them, to the shading point `from`,
+    /// in ascending order.
     pub(crate) fn mirrors(&self, from: DVec3, region: &LightRegion) -> Panes {
         self.panes_where(|node| node.may_mirror(from, region))
     }

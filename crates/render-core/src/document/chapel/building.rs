@@ -1,18 +1,11 @@
 //! What is not window: floor, walls, vault, ribs on their shafts, altar, benches and candles.
 
+use super::dimensions::{BAYS, GABLE, LENGTH, SPRINGING, WIDTH};
+use super::masonry::stone_around;
 use super::textures::EXTENT;
-use super::windows::stone_around;
 use crate::document::triangles::{Triangles, rounded};
 use crate::scene::description::MeshDescription;
 use crate::settings::Triple;
-
-/// Inside of the chapel, metres: x from the north wall to the south, y from the west wall to the east.
-pub(super) const WIDTH: f64 = 6.0;
-pub(super) const LENGTH: f64 = 10.0;
-
-/// The height at which the vault begins, and that of the gables, metres.
-pub(super) const SPRINGING: f64 = 4.2;
-pub(super) const GABLE: f64 = 8.4;
 
 /// Where candles stand on the altar, metres.
 pub(super) const CANDLES: [[f64; 2]; 2] = [[2.4, 9.1], [3.6, 9.1]];
@@ -30,9 +23,6 @@ const RADIUS: f64 = 4.2;
 
 /// Segments of each arc.
 const SEGMENTS: u32 = 24;
-
-/// Bays between transverse ribs. Each has a window to the south.
-pub(super) const BAYS: u32 = 3;
 
 /// Width and depth of a rib, metres.
 const RIB: [f64; 2] = [0.22, 0.18];

@@ -3,6 +3,8 @@
 //! are pictures, which are computed as well.
 
 mod building;
+mod dimensions;
+mod masonry;
 #[cfg(test)]
 mod tests;
 mod textures;
