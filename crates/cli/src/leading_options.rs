@@ -1,10 +1,12 @@
 //! How options say what leaded windows are made of.
 
+use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use clerestory_glazing::{
     Border, Diamonds, Filling, GlassPattern, MixedGlass, Rectangles, Roundels, UniformGlass, WeightedGlass,
 };
+use clerestory_render_core::scene::window::{COLOURS, Cutting, GlassColour, GlassDescription, GlassSheet};
 
 /// The names of fillings.
 pub(crate) const FILLINGS: [&str; 5] = ["diamonds", "rectangles", "roundels", "border", "plain"];
@@ -52,6 +54,39 @@ pub(crate) fn filling(name: &str, quarry: Option<Quarry>) -> Option<Filling> {
         "plain" => Filling::Plain,
         _ => return None,
     })
+}
+
+/// How sheets of old glass were made, by name.
+pub(crate) const SHEETS: [&str; 5] = ["crown", "cylinder", "hammered", "bullion", "flat"];
+
+/// Kinds of glass of these colours from sheets that were made in this way; none for a name that is none of [`SHEETS`].
+pub(crate) fn kinds(colours: &[String], sheet: &str) -> BTreeMap<String, GlassDescription> {
+    let usual = GlassDescription::default();
+    let (sheet, cutting) = match sheet {
+        "crown" => (GlassSheet::Crown, Cutting::Scattered),
+        "cylinder" => (GlassSheet::Cylinder, Cutting::Scattered),
+        "hammered" => (GlassSheet::Hammered, Cutting::Scattered),
+        "bullion" => (GlassSheet::Bullion, Cutting::Centred),
+        "flat" => (GlassSheet::Flat, Cutting::Scattered),
+        _ => return BTreeMap::new(),
+    };
+    let kind = |name: &String| {
+        let colour = GlassColour::Named(name.clone());
+        (name.clone(), GlassDescription { sheet: sheet.clone(), cutting, colour, ..usual.clone() })
+    };
+    colours.iter().map(kind).collect()
+}
+
+/// A list of colours, with commas or plus signs.
+pub(crate) fn colours(text: &str) -> Result<Vec<String>, String> {
+    let names: Vec<String> = text.split([',', '+']).map(|name| name.trim().to_owned()).collect();
+    match names.iter().find(|name| !COLOURS.iter().any(|colour| colour.name == name.as_str())) {
+        Some(unknown) => {
+            let known = COLOURS.map(|colour| colour.name).join(", ");
+            Err(format!("found the colour {unknown:?}, expected some of {known}"))
+        }
+        None => Ok(names),
+    }
 }
 
 /// Kinds of glass that are mixed at random, or one for all pieces.

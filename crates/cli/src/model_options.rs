@@ -10,7 +10,7 @@ use clerestory_render_core::scene::import::{
 };
 use serde_json::json;
 
-use crate::leading_options::{FILLINGS, filling, mixed};
+use crate::leading_options::{FILLINGS, SHEETS, colours, filling, kinds, mixed};
 
 /// Options for glTF and OBJ files.
 #[derive(Clone, Debug, Default, Args)]
@@ -71,7 +71,7 @@ enum Axis {
 }
 
 /// What rectangles of a building become: panes of `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`, or
-/// leaded windows of `PATTERN=FILLING[,quarry=WxH][,glass=NAME+...][,seed=N]`.
+/// leaded windows of `PATTERN=FILLING[,quarry=WxH][,glass=COLOUR+...][,sheet=NAME][,seed=N]`.
 #[derive(Clone, Debug)]
 pub(crate) enum Glaze {
     Panes(GlazeRule),
@@ -131,18 +131,23 @@ fn panes(pattern: &str, name: &str, settings: &[(&str, &str)]) -> Result<GlazeRu
 }
 
 fn leaded(pattern: &str, name: &str, settings: &[(&str, &str)]) -> Result<LeadingRule, String> {
-    let (mut quarry, mut rule) = (None, LeadingRule::new(pattern));
+    let (mut quarry, mut names, mut sheet) = (None, vec!["greenish".to_owned()], "crown");
+    let mut rule = LeadingRule::new(pattern);
     for (setting, value) in settings {
         match *setting {
             "quarry" => quarry = Some(value.parse().map_err(|error| format!("quarry: {error}"))?),
-            "glass" => {
-                let names: Vec<String> = value.split('+').map(str::to_owned).collect();
-                rule.design.glass = mixed(&names);
-            }
+            "glass" => names = colours(value).map_err(|error| format!("glass: {error}"))?,
+            "sheet" if SHEETS.contains(value) => sheet = value,
+            "sheet" => return Err(wrong(setting, value, &format!("one of {}", SHEETS.join(", ")))),
             "seed" => rule.design.seed = seed_in(value)?,
-            _ => return Err(format!("found {setting:?}, expected quarry=, glass= or seed=")),
+            _ => {
+                let names = "quarry=, glass= (colours joined by +), sheet= or seed=";
+                return Err(format!("found {setting:?}, expected {names}"));
+            }
         }
     }
+    rule.design.glass = mixed(&names);
+    rule.glass = kinds(&names, sheet);
     rule.design.filling = filling(name, quarry).unwrap_or_default();
     Ok(rule)
 }

@@ -27,8 +27,8 @@ pub(crate) struct ImportArguments {
     output: Option<PathBuf>,
     /// Make windows of what has such a name. Panes are `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`,
     /// with the profiles crown, cylinder, hammered and flat. Leaded windows are
-    /// `PATTERN=FILLING[,quarry=WxH][,glass=NAME+...][,seed=N]`, with the fillings diamonds, rectangles, roundels,
-    /// border and plain. `*` in a pattern stands for any text. Can be given several times.
+    /// `PATTERN=FILLING[,quarry=WxH][,glass=COLOUR+...][,sheet=NAME][,seed=N]`, with the fillings diamonds,
+    /// rectangles, roundels, border and plain, and the sheets crown, cylinder, hammered, bullion and flat. `*` in a pattern stands for any text. Can be given several times.
     #[arg(long, value_name = "PATTERN=GLASS")]
     glaze: Vec<Glaze>,
     /// Give what has such a name another material: a colour such as #d8d0c0, mirror, glass, water, or JSON as in a

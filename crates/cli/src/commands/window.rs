@@ -9,13 +9,11 @@ use clerestory_glazing::{Arch, DrawingStyle, Head, Intersecting, Mullions, Openi
 use clerestory_render_core::document::window_scene::{window_of, window_scene};
 use clerestory_render_core::document::{Override, SceneDescription, apply};
 use clerestory_render_core::scene::SceneError;
-use clerestory_render_core::scene::window::{
-    GlassColour, GlassDescription, OuterGlazing, WindowDescription, expand, plan,
-};
+use clerestory_render_core::scene::window::{GlassDescription, OuterGlazing, WindowDescription, expand, plan};
 use clerestory_render_core::settings::JsonPath;
 
 use crate::failure::Failure;
-use crate::leading_options::{FILLINGS, Quarry, filling, mixed};
+use crate::leading_options::{FILLINGS, Quarry, SHEETS, colours, filling, kinds, mixed};
 use crate::numbers::whole;
 use crate::output::print_line;
 use crate::output_file::{check_outputs, write};
@@ -48,9 +46,12 @@ pub(super) struct WindowArguments {
     /// Width and height of a quarry, or the diameter of a roundel, metres.
     #[arg(long, value_name = "WxH")]
     quarry: Option<Quarry>,
-    /// Kinds of glass, by the names of historical colours, mixed at random.
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = "sheet")]
-    glass: Vec<String>,
+    /// Historical colours, mixed at random; a wrong name shows the list.
+    #[arg(long, value_name = "COLOUR,...", default_value = "greenish", value_parser = colour_list)]
+    glass: ColourList,
+    /// How the sheets were made that pieces are cut from [default: crown, and flat where lights are undivided].
+    #[arg(long, value_name = "SHEET", value_parser = PossibleValuesParser::new(SHEETS))]
+    sheet: Option<String>,
     /// A flat protective pane outside.
     #[arg(long)]
     outer: bool,
@@ -69,6 +70,14 @@ pub(super) struct WindowArguments {
     drawing: Option<PathBuf>,
 }
 
+/// Names of colours.
+#[derive(Clone, Debug)]
+struct ColourList(Vec<String>);
+
+fn colour_list(text: &str) -> Result<ColourList, String> {
+    colours(text).map(ColourList)
+}
+
 /// The place of the window in its scene, before which paths start.
 const WINDOW: &str = "windows[window].";
 
@@ -82,12 +91,22 @@ impl WindowArguments {
     pub(super) fn run(&self) -> Result<(), Failure> {
         let outputs = [("--output", self.output.as_deref()), ("--drawing", self.drawing.as_deref())];
         check_outputs(&outputs, &[])?;
+        if self.lights == 1 && self.tracery != "mullions" {
+            let message = "--tracery: a single light has none; expected --lights 2 or more beside it";
+            return Err(Failure::Usage(message.to_owned()));
+        }
         let usual = window_scene(self.window()).map_err(unusable)?;
         let scene = apply(&self.set, &usual).map_err(|error| Failure::Usage(format!("--set {error}")))?;
         // The room follows the window as it has become.
         let Some(window) = scene.windows.into_iter().next() else { return Ok(()) };
         let scene = window_scene(window).map_err(unusable)?;
         scene.validate().map_err(unusable)?;
+        // Says what is wrong with the glass, which a drawing does not need.
+        let root = JsonPath::Root;
+        let windows = root.member("windows");
+        for (index, window) in scene.windows.iter().enumerate() {
+            expand(window, &windows.element(index)).map_err(unusable)?;
+        }
         if let Some(file) = &self.drawing {
             write(file, drawing(&scene)?.as_bytes())?;
         }
@@ -111,7 +130,7 @@ impl WindowArguments {
             (lights, _) => Tracery::Mullions(Mullions { lights, head: None }),
         };
         design.filling = filling(&self.filling, self.quarry).unwrap_or_default();
-        design.glass = mixed(&self.glass);
+        design.glass = mixed(&self.glass.0);
         design.seed = self.seed;
         design.wall = Some(Wall::default());
         let mut window = window_of(design, self.kinds());
@@ -119,16 +138,10 @@ impl WindowArguments {
         window
     }
 
-    /// Undivided lights are larger than sheets of old glass were.
+    /// The kinds of glass. Undivided lights are larger than sheets of old glass were.
     fn kinds(&self) -> BTreeMap<String, GlassDescription> {
-        if self.filling != "plain" {
-            return BTreeMap::new();
-        }
-        let flat = |name: &String| {
-            let colour = GlassColour::Named(name.clone());
-            (name.clone(), GlassDescription { colour, ..GlassDescription::float() })
-        };
-        self.glass.iter().map(flat).collect()
+        let usual = if self.filling == "plain" { "flat" } else { "crown" };
+        kinds(&self.glass.0, self.sheet.as_deref().unwrap_or(usual))
     }
 }
 
@@ -142,8 +155,6 @@ fn drawing(scene: &SceneDescription) -> Result<String, Failure> {
     let windows = root.member("windows");
     let Some(window) = scene.windows.first() else { return Ok(String::new()) };
     let path = windows.element(0);
-    // Says what is wrong with the glass, which a drawing does not need.
-    expand(window, &path).map_err(unusable)?;
     let plan = plan(window, &path).map_err(unusable)?;
     let colours = window.design.glass_names().into_iter().map(|name| (name.to_owned(), window.css_colour(name)));
     Ok(svg(&plan, &DrawingStyle { colours: colours.collect(), ..DrawingStyle::default() }))

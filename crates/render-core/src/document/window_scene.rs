@@ -17,6 +17,9 @@ use crate::texture::ColourDescription;
 /// From the sill to the floor, metres.
 const SILL: f64 = 1.0;
 
+/// From the window to the camera, as a multiple of the height of the opening.
+const NEARNESS: f64 = 1.8;
+
 /// From the window to the far wall, metres, as a multiple of the wall's height.
 const DEPTH: f64 = 1.4;
 
@@ -53,7 +56,9 @@ pub fn window_scene(window: WindowDescription) -> Result<SceneDescription, Scene
     let (near, height) = (sill.y - inside, high.y - low.y);
     let far = near - DEPTH * height;
     let opening_top = plan.outline.iter().map(|corner| corner.y).fold(0.0, f64::max);
-    let eye = [low.x + 0.72 * (high.x - low.x), far + 0.25, low.y + 0.55 * height];
+    // The window is a third of the picture, and the floor before it is seen.
+    let back = (near - NEARNESS * opening_top).max(far + 0.25);
+    let eye = [low.x + 0.65 * (high.x - low.x), back, low.y + 0.55 * height];
     let target = [sill.x, near - 0.25 * (near - far), sill.z + 0.25 * opening_top];
     let [eye, target] = [eye, target].map(|place| place.map(rounded));
     Ok(SceneDescription {
@@ -71,7 +76,7 @@ pub fn window_scene(window: WindowDescription) -> Result<SceneDescription, Scene
         path_filter: None,
         sampling: SamplingDescription::default(),
         materials: materials(),
-        meshes: room([low.x, far, low.y], [high.x, near, high.y]),
+        meshes: [room([low.x, far, low.y], [high.x, near, high.y]), garden(sill, low.y)].concat(),
         imports: Vec::new(),
         windows: vec![window],
         sheets: BTreeMap::new(),
@@ -85,7 +90,12 @@ fn materials() -> BTreeMap<String, MaterialDescription> {
         let reflectance = ColourDescription::Colour(colour);
         (name.to_owned(), MaterialDescription::Diffuse(DiffuseMaterial { reflectance }))
     };
-    BTreeMap::from([diffuse("flagstones", [0.42, 0.38, 0.33]), diffuse("limewash", [0.72, 0.68, 0.6])])
+    BTreeMap::from([
+        diffuse("flagstones", [0.42, 0.38, 0.33]),
+        diffuse("limewash", [0.72, 0.68, 0.6]),
+        diffuse("grass", [0.1, 0.2, 0.05]),
+        diffuse("bark", [0.08, 0.06, 0.05]),
+    ])
 }
 
 /// Floor, ceiling and three walls of a box; the fourth, at the largest y, is that of the window.
@@ -100,6 +110,32 @@ fn room([x0, y0, z0]: Triple, [x1, y1, z1]: Triple) -> Vec<MeshDescription> {
     walls.add_quadrilateral([[x0, y0, z0], [x1, y0, z0], [x1, y0, z1], [x0, y0, z1]]);
     vec![floor.into_mesh("floor", "flagstones"), walls.into_mesh("walls", "limewash")]
 }
+
+/// A meadow with the trunks of trees: what is seen through old glass shows its relief. Too low to shade the window.
+fn garden(sill: DVec3, ground: f64) -> Vec<MeshDescription> {
+    let (x, near, ground) = (rounded(sill.x), rounded(sill.y + 1.0), rounded(ground));
+    let mut meadow = Triangles::default();
+    let [left, right, far] = [x - 80.0, x + 80.0, near + 150.0].map(rounded);
+    meadow.add_quadrilateral([[left, near, ground], [right, near, ground], [right, far, ground], [left, far, ground]]);
+    let mut trunks = Triangles::default();
+    for (place, away, height) in TRUNKS {
+        let [left, right, y] = [x + place - 0.15, x + place + 0.15, near + away].map(rounded);
+        let [low, high] = [ground, rounded(ground + height)];
+        trunks.add_quadrilateral([[left, y, low], [right, y, low], [right, y, high], [left, y, high]]);
+    }
+    vec![meadow.into_mesh("meadow", "grass"), trunks.into_mesh("trunks", "bark")]
+}
+
+/// Trunks of trees: to the right of the window, behind the edge of the meadow, and high, metres.
+const TRUNKS: [(f64, f64, f64); 7] = [
+    (-6.5, 11.0, 6.0),
+    (-3.1, 8.0, 4.5),
+    (-1.4, 13.0, 6.5),
+    (0.3, 9.0, 5.0),
+    (1.9, 12.0, 6.0),
+    (3.6, 8.0, 4.5),
+    (7.0, 13.0, 6.5),
+];
 
 fn lights() -> Vec<LightDescription> {
     vec![

@@ -61,7 +61,7 @@ fn south(number: u32) -> WindowDescription {
     design.seed = 10 + u64::from(number);
     let crown = GlassDescription {
         sheet: GlassSheet::Crown,
-        colour: GlassColour::Named("sheet".to_owned()),
+        colour: GlassColour::Named("greenish".to_owned()),
         ..GlassDescription::default()
     };
     WindowDescription {

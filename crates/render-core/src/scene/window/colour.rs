@@ -95,7 +95,7 @@ pub const COLOURS: [HistoricalColour; 13] = [
         provenance: "modern clear soda-lime glass (Rubin 1985), under D65",
     },
     HistoricalColour {
-        name: "sheet",
+        name: "greenish",
         tint: body([64.7, 25.5, 27.2]),
         provenance: "green soda-lime glass with 0.5 % iron (Rubin 1985), near that of crown and cylinder glass of the \
                      18th and 19th century",
