@@ -295,8 +295,8 @@ mod tests {
             "\"opacity\" value=\"0.75\"",
             "\"blendbsdf\"",
             "\"weight\" value=\"0.5\"",
-            "\"reflectance\" value=\"0.5 0.25 0\"",
-            "\"base_color\" value=\"0.25 0.5 0\"",
+            "\"reflectance\" value=\"0.5, 0.25, 0\"",
+            "\"base_color\" value=\"0.25, 0.5, 0\"",
             "\"diff_trans\" value=\"2\"",
         ];
         let places: Vec<Option<usize>> = expected.iter().map(|part| text.find(part)).collect();
