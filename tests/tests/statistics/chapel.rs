@@ -35,7 +35,8 @@ fn lit_screen(window: &str, filter: &str, integrator: &str, seed: u64) -> Prepar
     scene["seed"] = json!(seed);
     scene["film"] = json!({"width": 16, "height": 16});
     scene["camera"] = json!({"orthographic": {
-        "position": (centre + towards * 0.3).to_array(), "look_at": centre.to_array(), "up": y.to_array(), "height": 0.5}});
+        "position": (centre + towards * 0.3).to_array(), "look_at": centre.to_array(), "up": y.to_array(),
+        "height": 0.5}});
     scene["integrator"] = json!(integrator);
     scene["path_filter"] = json!(filter);
     scene["sampling"] = json!({"samples_per_pass": 16, "samples_per_block": 16});
