@@ -6,8 +6,8 @@
 //! where a line meets a height field. The only density to know is that of the start. This is the simplest unbiased
 //! estimator of the picture. It shares no formula with the methods that search paths backwards.
 //!
-//! All other paths are left out. Photons whose line to the light or onwards meets the prism of another pane are dropped.
-//! This is right only where panes do not cover each other.
+//! All other paths are left out. Photons whose line to the light or onwards meets the prism of another pane are
+//! dropped. This is right only where panes do not cover each other.
 
 use std::f64::consts::PI;
 

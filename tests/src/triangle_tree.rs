@@ -69,7 +69,7 @@ impl TriangleTree {
         self.build(boxes, first + half, count - half);
     }
 
-    /// Shows `meet` the triangles whose boxes a ray may meet within its reach. `meet` answers how far is to be looked on.
+    /// Shows `meet` the triangles whose boxes a ray may meet within its reach. `meet` answers how far to look on.
     pub fn visit(&self, origin: DVec3, direction: DVec3, mut reach: f64, meet: &mut dyn FnMut(usize) -> f64) {
         let mut waiting = if self.nodes.is_empty() { Vec::new() } else { vec![0] };
         while let Some(number) = waiting.pop() {

@@ -75,7 +75,7 @@ enum Axis {
 #[derive(Clone, Debug)]
 pub(crate) enum Glaze {
     Panes(GlazeRule),
-    Lead(LeadingRule),
+    Lead(Box<LeadingRule>),
 }
 
 impl FromStr for Glaze {
@@ -92,7 +92,7 @@ impl FromStr for Glaze {
             .map(|setting| setting.split_once('=').unwrap_or((setting, "")))
             .collect();
         if FILLINGS.contains(&name) {
-            return leaded(pattern, name, &settings).map(Self::Lead);
+            return leaded(pattern, name, &settings).map(|rule| Self::Lead(Box::new(rule)));
         }
         if OLD_GLASS.contains(&name) {
             return panes(pattern, name, &settings).map(Self::Panes);

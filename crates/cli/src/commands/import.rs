@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clerestory_render_core::document::{ModelScene, is_model, scene_around};
 use clerestory_render_core::scene::MeshSurface;
-use clerestory_render_core::scene::import::Expansion;
+use clerestory_render_core::scene::import::{Expansion, LeadingRule};
 
 use crate::activity::Activity;
 use crate::failure::Failure;
@@ -28,7 +28,8 @@ pub(crate) struct ImportArguments {
     /// Make windows of what has such a name. Panes are `PATTERN=PROFILE[,thickness=METRES][,colour=#RRGGBB][,seed=N]`,
     /// with the profiles crown, cylinder, hammered and flat. Leaded windows are
     /// `PATTERN=FILLING[,quarry=WxH][,glass=COLOUR+...][,sheet=NAME][,seed=N]`, with the fillings diamonds,
-    /// rectangles, roundels, border and plain, and the sheets crown, cylinder, hammered, bullion and flat. `*` in a pattern stands for any text. Can be given several times.
+    /// rectangles, roundels, border and plain, and the sheets crown, cylinder, hammered, bullion and flat. `*` in a
+    /// pattern stands for any text. Can be given several times.
     #[arg(long, value_name = "PATTERN=GLASS")]
     glaze: Vec<Glaze>,
     /// Give what has such a name another material: a colour such as #d8d0c0, mirror, glass, water, or JSON as in a
@@ -54,7 +55,7 @@ pub(crate) fn run(arguments: &ImportArguments) -> Result<(), Failure> {
     for glaze in &arguments.glaze {
         match glaze {
             Glaze::Panes(rule) => options.glaze.push(rule.clone()),
-            Glaze::Lead(rule) => options.lead.push(rule.clone()),
+            Glaze::Lead(rule) => options.lead.push(LeadingRule::clone(rule)),
         }
     }
     options.materials =

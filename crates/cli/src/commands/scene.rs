@@ -34,7 +34,7 @@ enum GeneratedScene {
     /// A chapel with stained glass to the east, and diamonds behind protective panes to the south.
     Chapel(ChapelArguments),
     /// A leaded window in a room, in the sun; or its drawing.
-    Window(WindowArguments),
+    Window(Box<WindowArguments>),
 }
 
 /// Options of `clerestory scene nave`.

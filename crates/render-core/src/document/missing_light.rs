@@ -36,7 +36,7 @@ impl SceneDescription {
         }
         let walls = meshes(&|mesh| self.parts().is_left_to_chance(mesh));
         classes.extend(small_lights(scene, &walls).map(|group| group.over_thin_walls(self.contents())));
-        let immersed = scene.media().immersed_names(scene, MOST_NAMES);
+        let immersed = scene.immersed_names(MOST_NAMES);
         if let Some(names) = immersed.filter(|_| scene.lights().iter().any(|light| light.emission() != DVec3::ZERO)) {
             classes.push(immersed_bodies(&names, self.has_points()));
         }

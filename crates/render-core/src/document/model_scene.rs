@@ -140,7 +140,7 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
             }
         }
         None => {
-            // Without panes and their sheets, which take longest to build, and without walls of glass: windows are open.
+            // Without panes and sheets, which take longest to build, and without walls of glass: windows are open.
             let expanded = description.expanded(&assets)?;
             let mut walls = expanded.clone().into_owned();
             walls.panes.clear();

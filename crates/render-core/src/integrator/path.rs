@@ -7,6 +7,7 @@
 //! A path may go straight through thin walls from a diffuse vertex to a light. That is direct light, as if there were
 //! no walls: next event estimation finds it, too. Both techniques count each wall as a vertex.
 
+mod among_bodies;
 mod media;
 mod stretch;
 

@@ -12,13 +12,12 @@ use std::sync::OnceLock;
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
+use super::MeshSurface;
 use super::contacts::{Contacts, Finder, lit_panes};
 use super::parts::SceneParts;
-use super::{MeshSurface, Scene};
 use crate::bsdf::Interior;
 use crate::geometry::closed::is_solid;
-use crate::geometry::contact::overlap;
-use crate::geometry::{Accelerator, Pane, SurfaceId};
+use crate::geometry::{Accelerator, Pane};
 use crate::light::Light;
 use crate::settings::SceneError;
 
@@ -86,12 +85,12 @@ pub struct Media {
     /// For each body, what fills it and its rank; `None` for meshes that bound nothing.
     bodies: Vec<Option<(Medium, u32)>>,
     /// Whether each mesh has an inside, found when it is asked for first.
-    solid: Vec<OnceLock<bool>>,
+    pub(super) solid: Vec<OnceLock<bool>>,
     contacts: Contacts,
     /// For each body, those that it meets; empty where no bodies meet.
     neighbours: Vec<Vec<u32>>,
     /// For each body, whether it is immersed; empty where none is.
-    immersed: Vec<bool>,
+    pub(super) immersed: Vec<bool>,
 }
 
 impl Media {
@@ -175,71 +174,9 @@ impl Media {
         let highest = self.highest(bodies).and_then(|body| self.bodies[body as usize]);
         highest.map_or(Medium::AIR, |(medium, _)| medium)
     }
-
-    /// In words, the bodies that meet others; `None` where there are none.
-    pub fn immersed_names(&self, scene: &Scene, most: usize) -> Option<String> {
-        let immersed = (0u32..).zip(&self.immersed).filter(|(_, immersed)| **immersed);
-        let names: Vec<String> = immersed
-            .map(|(body, _)| match self.mesh_of(body) {
-                Some(mesh) => format!("\"{}\"", scene.meshes()[mesh as usize].name()),
-                None => format!("\"{}\"", scene.panes()[body as usize].name),
-            })
-            .collect();
-        match names.len() {
-            0 => None,
-            count if count <= most => Some(names.join(", ")),
-            count => Some(format!("{} and {} more", names[..most].join(", "), count - most)),
-        }
-    }
 }
 
-impl Scene {
-    /// Whether a surface bounds an immersed body.
-    pub fn is_immersed(&self, surface: SurfaceId) -> bool {
-        let media = self.media();
-        media.has_immersed()
-            && match surface {
-                SurfaceId::Pane { index, .. } => media.is_immersed(index),
-                SurfaceId::Triangle(triangle) => media.is_immersed_mesh(self.mesh_of(triangle)),
-                SurfaceId::Nothing => false,
-            }
-    }
-
-    /// The bodies whose boxes reach into a box, given by two corners.
-    pub fn bodies_near(&self, bounds: &[DVec3; 2]) -> Vec<u32> {
-        let panes = (0u32..).zip(self.panes()).filter(|(_, pane)| overlap(bounds, &pane.world_bounds()));
-        let is_near = |mesh: &u32| {
-            self.meshes()[*mesh as usize].interior().is_some() && overlap(bounds, &self.mesh_bounds(*mesh))
-        };
-        let is_body = |mesh: &u32| is_body(&self.media().solid, self.accelerator(), self.meshes(), *mesh);
-        let meshes = (0..self.meshes().len() as u32).filter(is_near).filter(is_body);
-        let meshes = meshes.map(|mesh| self.media().body_of_mesh(mesh));
-        panes.map(|(index, _)| index).chain(meshes).collect()
-    }
-
-    /// Whether the box around a body reaches within a distance of a point.
-    pub fn is_body_near(&self, body: u32, point: DVec3, distance: f64) -> bool {
-        let bounds = match self.media().mesh_of(body) {
-            None => self.panes()[body as usize].world_bounds(),
-            Some(mesh) => self.mesh_bounds(mesh),
-        };
-        overlap(&bounds, &[point - distance, point + distance])
-    }
-
-    /// Which of some bodies are around a point.
-    pub fn bodies_around(&self, point: DVec3, of: &[u32]) -> Bodies {
-        let is_around = |body: &&u32| match self.media().mesh_of(**body) {
-            None => self.panes()[**body as usize].holds(point),
-            Some(mesh) => {
-                let triangles = self.meshes()[mesh as usize].triangle_range();
-                overlap(&[point, point], &self.mesh_bounds(mesh)) && self.accelerator().winding(point, &triangles) > 0
-            }
-        };
-        of.iter().filter(is_around).fold(Bodies::default(), |bodies, body| bodies.with(*body))
-    }
-}
-
-fn is_body(solid: &[OnceLock<bool>], accelerator: &Accelerator, meshes: &[MeshSurface], mesh: u32) -> bool {
+pub(super) fn is_body(solid: &[OnceLock<bool>], accelerator: &Accelerator, meshes: &[MeshSurface], mesh: u32) -> bool {
     let surface = &meshes[mesh as usize];
     let look = || is_solid(surface.triangle_range().map(|triangle| *accelerator.corners(triangle)));
     surface.interior().is_some() && *solid[mesh as usize].get_or_init(look)

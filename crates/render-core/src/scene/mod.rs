@@ -6,6 +6,7 @@
 pub(crate) mod asset_uses;
 pub mod assets;
 mod at_triangles;
+mod bodies;
 mod build;
 mod build_meshes;
 mod build_panes;

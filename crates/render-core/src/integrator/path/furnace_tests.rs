@@ -33,7 +33,7 @@ fn furnace(meshes: &[Value], panes: &[Value], method: &str) -> Value {
 fn immersed(scene: &Value) -> String {
     let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
     let scene = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
-    scene.media().immersed_names(&scene, 9).unwrap_or_default()
+    scene.immersed_names(9).unwrap_or_default()
 }
 
 #[test]
