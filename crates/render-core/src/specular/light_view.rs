@@ -124,20 +124,22 @@ impl<'a> LightView<'a> {
                 continue;
             }
             let Some(bounds) = light_bounds(source, &pane.frame) else { continue };
-            let bounds = match second {
+            // Bounds that a second pane makes, if it leaves any.
+            let bounds = match second.map(|second| second.behind(index, side.near)) {
                 None => Some(bounds),
-                Some(second) => {
-                    second.behind(index, side.near).and_then(|behind| behind.bounds_behind(&bounds, origin))
-                }
+                Some(Some(behind)) => behind.bounds_behind(&bounds, origin),
+                Some(None) => continue,
             };
-            let Some(bounds) = bounds else { continue };
             let aperture = apertures.len();
-            if covers(&region, pane, point.position) {
-                let Some(seen) = seen_face(&side, origin) else { continue };
-                patches.extend(Patch::of(aperture, &side, origin, &seen.outline, *seen.outline.rect()));
-            } else {
-                let Some(window) = Window::new(&side, origin, &bounds) else { continue };
-                windows.push((aperture, window));
+            match bounds {
+                Some(bounds) if !covers(&region, pane, point.position) => {
+                    let Some(window) = Window::new(&side, origin, &bounds) else { continue };
+                    windows.push((aperture, window));
+                }
+                _ => {
+                    let Some(seen) = seen_face(&side, origin) else { continue };
+                    patches.extend(Patch::of(aperture, &side, origin, &seen.outline, *seen.outline.rect()));
+                }
             }
             apertures.push(PaneAperture { pane: index, side, origin });
         }

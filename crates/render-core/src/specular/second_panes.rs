@@ -1,6 +1,6 @@
 //! The panes that stand close behind another, and what becomes of light there.
 
-use glam::DVec3;
+use glam::{BVec3, DVec3};
 
 use super::side::PaneSide;
 use super::window::SourceBounds;
@@ -201,14 +201,16 @@ impl Beyond {
 /// Panes whose normals differ by no more than this chord stand parallel.
 const PARALLEL: f64 = 0.2;
 
-/// Whether a pane stands parallel to another and reaches beyond it, towards the sign of its z.
+/// Whether a pane stands parallel to another and all of it is beyond that, towards the sign of its z. Pieces of glass
+/// beside each other, a little tilted, are not.
 fn is_beyond(first: &Pane, second: &Pane, sign: f64) -> bool {
     let normals = [first, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
     let across = normals[0].cross(normals[1]).length();
     let [min, max] = second.local_bounds();
-    let middle = second.frame.point_to_world(0.5 * (min + max));
-    let height = first.frame.point_to_local(middle).z - 0.5 * first.thickness;
-    across <= PARALLEL && height * sign > 0.5 * (first.thickness + second.thickness)
+    let corners = (0..8).map(|bits| DVec3::select(BVec3::new(bits & 1 > 0, bits & 2 > 0, bits & 4 > 0), max, min));
+    let height = |corner| first.frame.point_to_local(second.frame.point_to_world(corner)).z - 0.5 * first.thickness;
+    let lowest = corners.map(|corner| height(corner) * sign).fold(f64::INFINITY, f64::min);
+    across <= PARALLEL && lowest > 0.5 * first.thickness
 }
 
 /// The largest change of the tangential part of a direction in a pane.
