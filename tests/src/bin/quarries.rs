@@ -1,7 +1,8 @@
 //! What a window of twenty thousand quarries costs.
 //!
 //! The first figure is the time to build such a window with its lead, and the memory that this takes. The second is
-//! relMSE times core seconds of a sheet that is cut in place into 4 to 20,000 pieces, the largest over the smallest. Both are medians of some runs.
+//! relMSE times core seconds of a sheet that is cut in place into 4 to 20,000 pieces, the largest over the smallest.
+//! Both are medians of some runs.
 
 use std::collections::BTreeMap;
 use std::error::Error;
