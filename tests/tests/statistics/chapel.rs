@@ -1,4 +1,4 @@
-//! Light of the chapel's own windows is the light that chance finds. There is stained glass with its lead, bars and
+//! Light of the chapel's own windows is the light that chance finds, and that photons bring. There is stained glass with its lead, bars and
 //! layers, and there are diamonds with a pane before them.
 
 use std::collections::BTreeMap;
@@ -8,8 +8,12 @@ use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_tests::estimate::check_agreement;
 use clerestory_tests::rendering::block_means;
+use clerestory_tests::traced_scene::TracedScene;
+use clerestory_tests::triangle_tree::TriangleTree;
 use glam::DVec3;
 use serde_json::{Value, json};
+
+use crate::windows::check_against_photons;
 
 /// Angular radius of the sun, degrees, with which chance meets it often.
 const SUN: f64 = 12.0;
@@ -18,7 +22,7 @@ const SUN: f64 = 12.0;
 const DISTANCE: f64 = 2.0;
 
 /// A screen that faces the chapel's sun through one of its windows, and sees the light of one kind of path.
-fn lit_screen(window: &str, filter: &str, integrator: &str, seed: u64) -> PreparedScene {
+fn lit_screen(window: &str, filter: &str, integrator: &str, [sun, edge]: [f64; 2], seed: u64) -> SceneBundle {
     let mut scene = serde_json::to_value(chapel().expect("pictures").scene).expect("JSON");
     let light =
         (scene["lights"].as_array().expect("lights").iter()).find_map(|light| light.get("sun")).expect("a sun").clone();
@@ -33,7 +37,7 @@ fn lit_screen(window: &str, filter: &str, integrator: &str, seed: u64) -> Prepar
     let corner = |[across, up]: [f64; 2]| (centre + x * across + y * up).to_array();
     let positions = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner);
     scene["seed"] = json!(seed);
-    scene["film"] = json!({"width": 16, "height": 16});
+    scene["film"] = json!({"width": edge as u32, "height": edge as u32});
     scene["camera"] = json!({"orthographic": {
         "position": (centre + towards * 0.3).to_array(), "look_at": centre.to_array(), "up": y.to_array(),
         "height": 0.5}});
@@ -45,10 +49,9 @@ fn lit_screen(window: &str, filter: &str, integrator: &str, seed: u64) -> Prepar
         "positions": positions, "triangles": [[0, 1, 2], [0, 2, 3]]}}}]);
     scene["windows"] = json!([window]);
     scene["lights"] = json!([{"sun": {
-        "name": "sun", "direction": light["direction"], "angular_radius": SUN, "radiance": [1, 1, 1]}}]);
+        "name": "sun", "direction": light["direction"], "angular_radius": sun, "radiance": [1, 1, 1]}}]);
     let description = SceneDescription::parse(scene.to_string().as_bytes()).expect("a valid scene");
-    let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("a scene without files");
-    PreparedScene::build(&bundle).expect("a scene that can be built")
+    SceneBundle::from_parts(description, BTreeMap::new()).expect("a scene without files")
 }
 
 /// Compares means over quarters of the picture from so many passes of chance and of each method, and asks that a part
@@ -56,11 +59,34 @@ fn lit_screen(window: &str, filter: &str, integrator: &str, seed: u64) -> Prepar
 #[track_caller]
 fn check(window: &str, filter: &str, integrators: &[&str], [by_chance, passes]: [u32; 2], fault: f64) {
     let means = |integrator: &str, passes: u32, seed: u64| {
-        block_means(&lit_screen(window, filter, integrator, seed), passes, 2)
+        let bundle = lit_screen(window, filter, integrator, [SUN, 16.0], seed);
+        block_means(&PreparedScene::build(&bundle).expect("a scene that can be built"), passes, 2)
     };
     let chance = means("path", by_chance, 1);
     for (integrator, seed) in integrators.iter().zip(2..) {
         check_agreement(&format!("{window}, {integrator}"), &means(integrator, passes, seed), &chance, fault);
+    }
+}
+
+/// The screen alone, without lead, bars and stone.
+fn without_lead(scene: &mut TracedScene) {
+    scene.triangles.truncate(2);
+    scene.tree = TriangleTree::over(&scene.triangles);
+}
+
+#[test]
+#[ignore = "takes minutes; `tests/run long` has it"]
+fn light_through_stained_glass_of_the_chapel_is_that_of_photons() {
+    for window in ["east north", "east middle", "east south"] {
+        for integrator in ["cone", "auto"] {
+            let bundle = lit_screen(window, "D TT L", integrator, [0.27, 32.0], 1);
+            check_against_photons(
+                &format!("{window}, {integrator}"),
+                &bundle,
+                [8, 40_000_000],
+                ("no lead", &without_lead),
+            );
+        }
     }
 }
 

@@ -26,7 +26,7 @@ fn reference(scene: &TracedScene, photons: u64, fault: Fault) -> Reference {
 
 /// Pictures of a scene agree with photons, and not with those of a faulty tracer or of a changed scene.
 #[track_caller]
-fn check(
+pub(crate) fn check_against_photons(
     what: &str,
     bundle: &SceneBundle,
     [samples, photons]: [u64; 2],
@@ -57,7 +57,7 @@ fn without_cuts(scene: &mut TracedScene) {
 
 fn check_cut_sheet(pieces: [u32; 2], integrator: &str, work: [u64; 2]) -> BiasReport {
     let bundle = CutSheet { pieces, integrator, samples: 1, seed: 1 }.scene();
-    check(&format!("{pieces:?} pieces, {integrator}"), &bundle, work, ("no cuts", &without_cuts))
+    check_against_photons(&format!("{pieces:?} pieces, {integrator}"), &bundle, work, ("no cuts", &without_cuts))
 }
 
 #[test]
