@@ -173,7 +173,7 @@ mod tests {
     /// Jobs that older builds began go on only while this digest stays. A change of pixels on purpose changes it.
     #[test]
     fn the_digest_of_the_first_probe_stays() {
-        let expected = "9fb77a6f19222703fcd897665f195fe672c9d25597056597901d9425e2908e29";
+        let expected = "4649130b45fc9900f4fbcf55041f93ae90bca9de300e4ebe4dfbd2b654e406c9";
         assert_eq!(DIGESTS.first, expected);
     }
 }
