@@ -197,8 +197,12 @@ mod tests {
         assert!(((-rule.absorption[2] * 0.002).exp() - 0.2159).abs() < 1e-3);
         assert_ne!(rule.front, rule.back);
         for (text, expected) in [
-            ("Window*", "PATTERN=PROFILE"),
+            ("Window*", "PATTERN=GLASS"),
             ("Window*=float", "one of crown, cylinder"),
+            ("Window*=diamonds,glass=blue", "some of clear, greenish"),
+            ("Window*=diamonds,sheet=float", "one of crown, cylinder"),
+            ("Window*=diamonds,quarry=0", "metres such as 0.1x0.15"),
+            ("Window*=diamonds,colour=#ffffff", "quarry=, glass="),
             ("Window*=flat,thickness=-1", "more than 0"),
             ("Window*=flat,colour=red", "#d8e8d0"),
             ("Window*=flat,tint=#ffffff", "thickness="),
