@@ -1,5 +1,5 @@
-//! Light of the chapel's own windows is the light that chance finds, and that photons bring. There is stained glass with
-//! its lead, bars and layers, and there are diamonds with a pane before them.
+//! Light of the chapel's own windows is the light that chance finds, and that photons bring. There is stained glass
+//! with its lead, bars and layers, and there are diamonds with a pane before them.
 
 use std::collections::BTreeMap;
 
