@@ -91,6 +91,7 @@ fn light_through_stained_glass_of_the_chapel_is_that_of_photons() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn light_through_stained_glass_of_the_chapel_is_that_of_path_tracing() {
     check("east middle", "D TT L", &["auto"], [256, 32], 0.12);
 }
