@@ -31,7 +31,7 @@ pub struct CutSheet<'a> {
 }
 
 impl CutSheet<'_> {
-    /// The scene: sunlight through the pieces on a wall five metres away, of which the camera sees 0.8 m, `D TT L`.
+    /// The scene: sunlight through the pieces on a wall five metres away, of which the camera sees 0.8 m, all lit, `D TT L`.
     ///
     /// # Panics
     ///
@@ -41,7 +41,7 @@ impl CutSheet<'_> {
         let scene = json!({
             "version": 2, "name": "A sheet in pieces", "seed": self.seed, "film": {"width": EDGE, "height": EDGE},
             "camera": {"orthographic": {
-                "position": [0, 0, -4], "look_at": [0, 0, -5], "up": [0, 1, 0], "height": 0.8}},
+                "position": [-0.25, -0.5, -4], "look_at": [-0.25, -0.5, -5], "up": [0, 1, 0], "height": 0.8}},
             "integrator": self.integrator, "path_filter": "D TT L",
             "sampling": {"samples_per_pass": self.samples, "samples_per_block": self.samples},
             "materials": {"plaster": {"diffuse": {"reflectance": {"colour": [0.8, 0.8, 0.8]}}}},
@@ -76,11 +76,14 @@ impl CutSheet<'_> {
         let [low, high] = corners
             .iter()
             .fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], at| [low.min(*at), high.max(*at)]);
-        let centre = 0.5 * (low + high);
-        let size = high - low;
-        let outline = corners.map(|corner| (corner - centre).to_array());
+        // Nanometres, so that the file of many pieces is no larger than a scene file may be.
+        let rounded = |place: DVec2| (place * 1e9).round() / 1e9;
+        let centre = rounded(0.5 * (low + high));
+        let outline = corners.map(|corner| rounded(corner - centre));
+        let size = outline.iter().fold(DVec2::ZERO, |size, corner| size.max(2.0 * corner.abs()));
+        let outline = outline.map(|corner| corner.to_array());
         json!({
-            "name": format!("piece {column} {row}"), "centre": [centre.x, centre.y, 0],
+            "name": format!("{column} {row}"), "centre": [centre.x, centre.y, 0],
             "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": size.x, "height": size.y, "thickness": 0.002,
             "outline": outline, "sheet": {"name": "sheet", "at": centre.to_array()}
         })
