@@ -31,7 +31,8 @@ pub struct CutSheet<'a> {
 }
 
 impl CutSheet<'_> {
-    /// The scene: sunlight through the pieces on a wall five metres away, of which the camera sees 0.8 m, all lit, `D TT L`.
+    /// The scene: sunlight through the pieces on a wall five metres away, `D TT L`. The camera sees 0.8 m of the wall, all
+    /// of which is lit.
     ///
     /// # Panics
     ///
