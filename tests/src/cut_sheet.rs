@@ -31,8 +31,8 @@ pub struct CutSheet<'a> {
 }
 
 impl CutSheet<'_> {
-    /// The scene: sunlight through the pieces on a wall five metres away, `D TT L`. The camera sees 0.8 m of the wall, all
-    /// of which is lit.
+    /// The scene: sunlight through the pieces on a wall five metres away, `D TT L`. The camera sees 0.8 m of the wall,
+    /// all of it lit.
     ///
     /// # Panics
     ///
