@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use clerestory_render_core::document::chapel::{Chapel, chapel};
-use clerestory_render_core::document::nave::{PaneCount, nave};
+use clerestory_render_core::document::nave::{PaneCount, nave, nave_with_diamonds};
 use clerestory_render_core::document::water::{TriangleCount, WaterSettings, WaterView, lagoon, pool};
 
 use super::window::WindowArguments;
@@ -24,8 +24,8 @@ pub(crate) struct SceneArguments {
 /// Which scene.
 #[derive(Debug, Subcommand)]
 enum GeneratedScene {
-    /// A stone nave whose clerestory windows have panes of old glass, in the sun. The same windows are cut into more or
-    /// fewer panes, to measure the cost of a pane.
+    /// A stone nave whose clerestory windows have old glass, in the sun: diamonds in lead, or more or fewer panes into
+    /// which the same windows are cut, to measure the cost of a pane.
     Nave(NaveArguments),
     /// A swimming pool in the sun, with balls afloat, to measure the cost of a triangle of water, and for animations.
     Pool(WaterArguments),
@@ -40,12 +40,23 @@ enum GeneratedScene {
 /// Options of `clerestory scene nave`.
 #[derive(Debug, Args)]
 struct NaveArguments {
-    /// Panes of all four windows together: 4, 16, 64 or 256.
-    #[arg(long, value_name = "N")]
-    panes: PaneCount,
+    #[command(flatten)]
+    glass: NaveGlass,
     /// The scene file to write [default: standard output].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+}
+
+/// What is in the windows of the nave.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct NaveGlass {
+    /// Leaded windows of diamonds.
+    #[arg(long)]
+    diamonds: bool,
+    /// Panes of all four windows together: 4, 16, 64 or 256.
+    #[arg(long, value_name = "N")]
+    panes: Option<PaneCount>,
 }
 
 /// Options of `clerestory scene chapel`.
@@ -120,7 +131,9 @@ pub(crate) fn write_chapel(file: &Path) -> Result<(), Failure> {
 
 pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
     let (scene, output) = match &arguments.scene {
-        GeneratedScene::Nave(NaveArguments { panes, output }) => (nave(*panes), output),
+        GeneratedScene::Nave(NaveArguments { glass, output }) => {
+            (glass.panes.map_or_else(nave_with_diamonds, nave), output)
+        }
         GeneratedScene::Chapel(ChapelArguments { output }) => return write_chapel(output),
         GeneratedScene::Pool(water) => (pool(&water.settings()), &water.output),
         GeneratedScene::Lagoon(water) => (lagoon(&water.settings()), &water.output),

@@ -8,20 +8,22 @@ use crate::support::Folder;
 #[test]
 fn the_naves_that_ship_are_those_that_are_computed() {
     let folder = Folder::new();
-    for panes in ["4", "16", "64", "256"] {
+    let cut = ["4", "16", "64", "256"].map(|panes| (panes, vec!["--panes", panes]));
+    for (panes, glass) in cut.into_iter().chain([("diamonds", vec!["--diamonds"])]) {
         let name = format!("nave-{panes}.json");
-        let words = ["scene", "nave", "--panes", panes];
+        let words = [&["scene", "nave"], &glass[..]].concat();
         assert_eq!(folder.succeeds(&[&words[..], &["-o", &name]].concat()), "");
         let written = fs::read_to_string(folder.path(&name)).unwrap();
-        assert!(folder.succeeds(&words) == written, "{panes} panes: standard output differs from the file");
+        assert!(folder.succeeds(&words) == written, "{panes}: standard output differs from the file");
         let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/nave").join(&name);
         assert!(
             fs::read_to_string(&shipped).unwrap() == written,
-            "{} is out of date; write it with: clerestory scene nave --panes {panes} -o scenes/nave/{name}",
-            shipped.display()
+            "{} is out of date; write it with: clerestory {} -o scenes/nave/{name}",
+            shipped.display(),
+            words.join(" ")
         );
         // Half a megabyte still opens in any editor.
-        assert!(written.len() < 500_000 && written.lines().all(|line| line.len() < 120), "{panes} panes");
+        assert!(written.len() < 500_000 && written.lines().all(|line| line.len() < 120), "{panes}");
     }
 }
 
@@ -31,7 +33,8 @@ fn a_nave_has_one_of_four_numbers_of_panes() {
     for panes in ["0", "5", "1024", "many"] {
         folder.fails(&["scene", "nave", "--panes", panes], 2, &["--panes", panes, "expected 4, 16, 64 or 256"]);
     }
-    folder.fails(&["scene", "nave"], 2, &["--panes"]);
+    folder.fails(&["scene", "nave"], 2, &["--diamonds", "--panes"]);
+    folder.fails(&["scene", "nave", "--panes", "4", "--diamonds"], 2, &["--diamonds", "--panes"]);
     folder.fails(&["scene", "nave", "--panes", "4", "-o", "no/such/nave.json"], 1, &["cannot write no/such/nave.json"]);
 }
 

@@ -158,16 +158,27 @@ enum Primitive {
     },
 }
 
+/// A primitive by its number.
+#[derive(Clone, Copy, Debug)]
+enum Number {
+    Triangle(u32),
+    Pane(u32),
+    Sheet(u32),
+}
+
 impl Sorted {
-    /// Some primitives; `None` when there are none.
-    fn over(primitives: Vec<(Primitive, [DVec3; 2])>) -> Result<Option<Self>, AcceleratorError> {
-        let boxes: Vec<_> = primitives.iter().map(|(_, bounds)| *bounds).collect();
-        let Some(hierarchy) = Hierarchy::over(&boxes) else { return Ok(None) };
+    /// Primitives of which more is known by their numbers; `None` when there are none.
+    fn over(
+        numbers: &[Number],
+        primitive: impl Fn(Number) -> Primitive,
+        bounds: impl Fn(Number) -> [DVec3; 2] + Copy,
+    ) -> Result<Option<Self>, AcceleratorError> {
+        let Some(hierarchy) = Hierarchy::over(numbers.iter().map(|number| bounds(*number))) else { return Ok(None) };
         let levels = hierarchy.levels();
         if levels > MOST_LEVELS {
             return Err(AcceleratorError::TooDeep(levels));
         }
-        let leaves = hierarchy.leaves().iter().map(|&index| primitives[index as usize].0).collect();
+        let leaves = hierarchy.leaves().iter().map(|&index| primitive(numbers[index as usize])).collect();
         Ok(Some(Self { leaves, hierarchy }))
     }
 }
@@ -192,30 +203,46 @@ impl Accelerator {
         if corners.len() + panes.len() > 1 << 31 {
             return Err(AcceleratorError::TooMany(corners.len() + panes.len()));
         }
-        let triangle = |index: u32| {
-            let corners = corners[index as usize];
-            let [a, b, c] = corners;
-            (Primitive::Triangle { index, corners }, [a.min(b).min(c), a.max(b).max(c)])
+        let primitive = |number: Number| match number {
+            Number::Triangle(index) => Primitive::Triangle { index, corners: corners[index as usize] },
+            Number::Pane(index) => Primitive::Pane { index },
+            Number::Sheet(index) => Primitive::Sheet { index },
+        };
+        let triangle_bounds = |index: u32| {
+            let [a, b, c] = corners[index as usize];
+            [a.min(b).min(c), a.max(b).max(c)]
         };
         let mut sheets: Vec<(Sheet, Sorted)> = Vec::new();
         for sheet in surfaces.iter().filter_map(|range| Sheet::of(range.clone(), positions, triangles)) {
             let is_behind = sheets.last().is_none_or(|(last, _)| last.triangles().end <= sheet.triangles().start);
-            if is_behind && let Some(sorted) = Sorted::over(sheet.triangles().map(triangle).collect())? {
+            if !is_behind {
+                continue;
+            }
+            let numbers: Vec<Number> = sheet.triangles().map(Number::Triangle).collect();
+            let bounds = |number: Number| match number {
+                Number::Triangle(index) => triangle_bounds(index),
+                Number::Pane(_) | Number::Sheet(_) => NOWHERE,
+            };
+            if let Some(sorted) = Sorted::over(&numbers, primitive, bounds)? {
                 sheets.push((sheet, sorted));
             }
         }
-        let mut primitives = Vec::new();
+        let mut numbers = Vec::with_capacity(corners.len() + panes.len());
         let mut next = 0;
-        for (index, (sheet, sorted)) in (0..).zip(&sheets) {
+        for (index, (sheet, _)) in (0..).zip(&sheets) {
             let Range { start, end } = sheet.triangles();
-            primitives.extend((next..start).map(triangle));
-            primitives.push((Primitive::Sheet { index }, sorted.hierarchy.bounds()));
+            numbers.extend((next..start).map(Number::Triangle));
+            numbers.push(Number::Sheet(index));
             next = end;
         }
-        primitives.extend((next..corners.len() as u32).map(triangle));
-        primitives.extend((0..).zip(&panes).map(|(index, pane)| (Primitive::Pane { index }, pane.world_bounds())));
+        numbers.extend((next..corners.len() as u32).map(Number::Triangle));
+        numbers.extend((0..panes.len() as u32).map(Number::Pane));
+        let everything = Sorted::over(&numbers, primitive, |number| match number {
+            Number::Triangle(index) => triangle_bounds(index),
+            Number::Pane(index) => panes[index as usize].world_bounds(),
+            Number::Sheet(index) => sheets[index as usize].1.hierarchy.bounds(),
+        })?;
         let pierced = pierced(&panes, &corners);
-        let everything = Sorted::over(primitives)?;
         Ok(Self { panes: panes.into(), pierced, everything, sheets, corners, coverage: None })
     }
 
@@ -507,9 +534,12 @@ fn gather(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<Vec<[DVec3; 3]>
         let missing = AcceleratorError::Corner { triangle, corner, positions: positions.len() };
         positions.get(corner as usize).copied().ok_or(missing)
     };
-    let gathered =
-        triangles.iter().enumerate().map(|(i, [a, b, c])| Ok([corner(i, *a)?, corner(i, *b)?, corner(i, *c)?]));
-    gathered.collect()
+    let mut gathered = Vec::with_capacity(triangles.len());
+    for (index, triangle) in triangles.iter().enumerate() {
+        let [a, b, c] = triangle.map(|vertex| corner(index, vertex));
+        gathered.push([a?, b?, c?]);
+    }
+    Ok(gathered)
 }
 
 fn in_range(p: DVec3) -> bool {

@@ -115,22 +115,43 @@ pub(super) fn within(rect: &Rect, random: DVec2) -> DVec2 {
     rect.min + (rect.max - rect.min) * random
 }
 
-/// A place of a convex polygon for a pair of numbers in [0, 1): uniform over its area.
+/// A place of a convex polygon, counterclockwise, for a pair of numbers in [0, 1): uniform over its area. Numbers that
+/// differ little give places that do, so even spacing is kept.
 pub(super) fn sample(corners: &[DVec2], area: f64, random: DVec2) -> DVec2 {
-    let first = corners[0];
+    let count = corners.len();
+    let leftmost = (1..count).fold(0, |least, index| if corners[index].x < corners[least].x { index } else { least });
+    // The ends of the edges below and above, which are followed from left to right.
+    let mut edges = [leftmost; 2];
+    let next = |side: usize, index: usize| if side == 0 { (index + 1) % count } else { (index + count - 1) % count };
+    let mut left = [corners[leftmost]; 2];
     let mut rest = random.x * area;
-    for (index, pair) in corners[1..].windows(2).enumerate() {
-        let [a, b] = [pair[0] - first, pair[1] - first];
-        let triangle = 0.5 * a.perp_dot(b);
-        if rest < triangle || index + 3 == corners.len() {
-            let along = if triangle > 0.0 { (rest / triangle).min(1.0) } else { 0.0 };
-            // Folding the square onto the triangle keeps even spacing.
-            let (u, v) = if along + random.y > 1.0 { (1.0 - along, 1.0 - random.y) } else { (along, random.y) };
-            return first + a * u + b * v;
+    for remaining in (0..count).rev() {
+        let ends = [0, 1].map(|side| corners[next(side, edges[side])]);
+        let x = ends[0].x.min(ends[1].x);
+        let right = [0, 1].map(|side| {
+            let (from, to) = (left[side], ends[side]);
+            let along = if to.x > from.x { (x - from.x) / (to.x - from.x) } else { 1.0 };
+            if along < 1.0 { from + (to - from) * along } else { to }
+        });
+        let (width, heights) = (x - left[0].x, [left[1].y - left[0].y, right[1].y - right[0].y]);
+        let trapezoid = 0.5 * width * (heights[0] + heights[1]);
+        if width > 0.0 && (rest < trapezoid || remaining == 0) {
+            // rest = width (heights[0] t + (heights[1] - heights[0]) t^2 / 2)
+            let rest = rest.min(trapezoid) / width;
+            let root = (heights[0] * heights[0] + 2.0 * (heights[1] - heights[0]) * rest).max(0.0).sqrt();
+            let at = if rest > 0.0 { (2.0 * rest / (heights[0] + root)).min(1.0) } else { 0.0 };
+            let [low, high] = [0, 1].map(|side| left[side] + (right[side] - left[side]) * at);
+            return low + (high - low) * random.y;
         }
-        rest -= triangle;
+        rest -= trapezoid.max(0.0);
+        for side in 0..2 {
+            if ends[side].x <= x {
+                edges[side] = next(side, edges[side]);
+            }
+        }
+        left = right;
     }
-    first
+    0.5 * (left[0] + left[1])
 }
 
 /// A rectangle around what half planes leave of a rectangle.
@@ -159,15 +180,17 @@ pub(super) fn clipped(rect: &Rect, cuts: impl Iterator<Item = HalfPlane>) -> Cor
 pub(super) fn cut(mut corners: Corners, cuts: impl Iterator<Item = HalfPlane>) -> Corners {
     for cut in cuts {
         let mut kept = Corners::new();
-        for (index, &corner) in corners.iter().enumerate() {
-            let before = corners[(index + corners.len() - 1) % corners.len()];
-            let (was, is) = (cut.distance(before), cut.distance(corner));
+        let Some(mut before) = corners.last().copied() else { break };
+        let mut was = cut.distance(before);
+        for &corner in &corners {
+            let is = cut.distance(corner);
             if (was < 0.0) != (is < 0.0) {
                 kept.push(before + (corner - before) * (was / (was - is)));
             }
             if is >= 0.0 {
                 kept.push(corner);
             }
+            (before, was) = (corner, is);
         }
         corners = kept;
     }

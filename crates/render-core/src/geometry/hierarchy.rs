@@ -53,12 +53,12 @@ struct Walk<'a> {
 
 impl Hierarchy {
     /// The hierarchy over boxes, given by two corners each; `None` when there are none.
-    pub(crate) fn over(boxes: &[[DVec3; 2]]) -> Option<Self> {
-        if boxes.is_empty() {
+    pub(crate) fn over(boxes: impl ExactSizeIterator<Item = [DVec3; 2]> + Clone) -> Option<Self> {
+        if boxes.len() == 0 {
             return None;
         }
-        let bounds =
-            boxes.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], b| [min.min(b[0]), max.max(b[1])]);
+        let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let bounds = boxes.clone().fold(nothing, |[min, max], [low, high]| [min.min(low), max.max(high)]);
         let extent = (bounds[1] - bounds[0]).max_element();
         let scale = if extent > 0.0 { libm::scalbn(1.0, EXTENT_LOG2 - 1 - libm::ilogb(extent)) } else { 1.0 };
         let centre = 0.5 * (bounds[0] + bounds[1]);
@@ -67,7 +67,7 @@ impl Hierarchy {
             .zip(boxes)
             .map(|(index, [min, max])| {
                 let (below, above) = (padding(2 * index), padding(2 * index + 1));
-                Aabb::new(single(unit(*min) - below), single(unit(*max) + above))
+                Aabb::new(single(unit(min) - below), single(unit(max) + above))
             })
             .collect();
         let tree = build_cwbvh(&padded, BvhBuildParams::medium_build(), &mut Duration::default());

@@ -309,9 +309,41 @@ impl<'a> SeenOutline<'a> {
         Shape::new(*rect, self.cuts())
     }
 
+    /// The outline, widened until it holds all that may be seen of it.
+    pub(crate) fn widened(&self) -> Widened<'a> {
+        let Rect { min, max } = *self.outline.bounds();
+        let middle = self.outline.middle();
+        // How far a place may be moved, and the shortest way out.
+        let reach = (min - self.origin).abs().max((max - self.origin).abs()).length();
+        let moved = reach * (self.scale.max - 1.0).abs().max((self.scale.min - 1.0).abs());
+        let sides = (middle - min).min(max - middle).min_element();
+        let inside = self.outline.cuts().iter().map(|cut| cut.distance(middle)).fold(sides, f64::min);
+        Widened { outline: self.outline, middle, by: (1.0 + moved / inside) * (1.0 + ROUNDING) }
+    }
+
     /// Whether a place may be seen of it.
     pub(crate) fn contains(&self, place: DVec2) -> bool {
         self.rect.contains(place) && self.cuts().all(|cut| cut.distance(place) >= 0.0)
+    }
+}
+
+/// An outline that is scaled about its middle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Widened<'a> {
+    outline: &'a Outline,
+    middle: DVec2,
+    by: f64,
+}
+
+impl Widened<'_> {
+    /// Its area in square metres.
+    pub(crate) fn area(&self) -> f64 {
+        self.outline.area() * self.by * self.by
+    }
+
+    /// A place in it for a pair of numbers in [0, 1): uniform over the area.
+    pub(crate) fn sample(&self, random: DVec2) -> DVec2 {
+        self.middle + (self.outline.sample(random) - self.middle) * self.by
     }
 }
 
@@ -415,7 +447,12 @@ mod tests {
             let seen = SeenOutline::new(&outline, origin, Interval::new(0.9, 1.1));
             let place = origin + (outline.sample(DVec2::from(random)) - origin) * scale;
             prop_assert!(seen.contains(place) && seen.narrowed(seen.rect()).contains(place));
+            let widened = seen.widened();
+            let back = outline.middle() + (place - outline.middle()) / widened.by;
+            prop_assert!(outline.contains(back));
+            prop_assert!(is_inside(&outline, outline.middle() + (widened.sample(DVec2::from(random)) - outline.middle()) / widened.by, 1e-12));
             let shape = seen.shape(seen.rect()).unwrap();
+            prop_assert!(widened.area() >= 0.999 * shape.area().min(outline.area()));
             let area = shape.area();
             prop_assert!(area >= 0.81 * outline.area());
         }

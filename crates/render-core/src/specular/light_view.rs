@@ -2,8 +2,8 @@
 //! evenly over them.
 //!
 //! A window is halved again and again and loses what the bounds exclude, until the slopes differ too little within a
-//! part to tell more. Laid side by side, the parts make one interval, and rays are spaced over it equally. So their
-//! density is known, and positive wherever light can come from, for any number of panes.
+//! part to tell more. Rays are spread evenly over all parts of all panes ([`Warp`]). So their density is known, and
+//! positive wherever light can come from, for any number of panes.
 
 use std::collections::VecDeque;
 
@@ -11,9 +11,10 @@ use glam::{DVec2, DVec3};
 
 use super::second_panes::SecondPanes;
 use super::side::{PaneSide, Transmission};
+use super::warp::{Warp, Weighted};
 use super::window::{SourceBounds, Window, seen_face};
 use super::{Arrival, coverage};
-use crate::geometry::{Frame, Pane, Ray, SeenOutline, Shape, SurfaceId};
+use crate::geometry::{Frame, Pane, Ray, SeenOutline, Shape, SurfaceId, Widened};
 use crate::light::{Light, LightBounds, LightHit};
 use crate::math::Rect;
 use crate::scene::Scene;
@@ -24,20 +25,26 @@ use clerestory_film::counters::Counters;
 /// What is spent on the light that arrives at one point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
-    /// Rays, over all panes.
+    /// Rays over all panes, at the least.
     pub(super) rays: u32,
+    /// Rays for each window, and for each pane that is smaller than the light, up to [`MOST_RAYS`]: these cost about as
+    /// much as to find it does.
+    pub(super) rays_for: [u32; 2],
     /// Parts into which the windows of all panes are cut, about, at the most.
     pub(super) parts: usize,
 }
+
+/// At most so many rays are sent because there are many panes.
+const MOST_RAYS: u32 = 128;
 
 impl Effort {
     /// Light at the first diffuse vertex of a path is seen in the picture as it falls; at later vertices the path's
     /// other choices make most of the noise.
     pub(super) fn at(point: &ShadingPoint) -> Self {
         match point.bounces {
-            0 => Self { rays: 16, parts: 64 },
-            1 => Self { rays: 2, parts: 16 },
-            _ => Self { rays: 1, parts: 8 },
+            0 => Self { rays: 16, rays_for: [7, 2], parts: 48 },
+            1 => Self { rays: 2, rays_for: [0; 2], parts: 16 },
+            _ => Self { rays: 1, rays_for: [0; 2], parts: 8 },
         }
     }
 }
@@ -49,10 +56,10 @@ pub(super) struct LightView<'a> {
     light: u32,
     second: Option<&'a SecondPanes>,
     apertures: Vec<PaneAperture<'a>>,
-    patches: Vec<Patch>,
+    patches: Vec<Patch<'a>>,
+    /// Where points that are spread evenly go.
+    warp: Warp,
     rays: u32,
-    /// About the solid angle for each ray.
-    stride: f64,
 }
 
 /// A pane through which a shading point may see a light.
@@ -63,16 +70,25 @@ pub(super) struct PaneAperture<'a> {
     pub(super) side: PaneSide<'a>,
     /// The shading point in the pane's frame.
     pub(super) origin: DVec3,
+    /// What it sees of the pane.
+    pub(super) outline: SeenOutline<'a>,
 }
 
 /// A part of the deflection window of an aperture.
-struct Patch {
+struct Patch<'a> {
     aperture: usize,
     rect: Rect,
-    /// What the lead leaves of it.
-    shape: Shape,
+    glass: GlassOfPatch<'a>,
     /// About the solid angle under which it is seen: rays are spread in proportion to it.
     weight: f64,
+}
+
+/// What the lead leaves of a patch.
+enum GlassOfPatch<'a> {
+    /// Of a part of a window.
+    Part(Shape),
+    /// Of a pane that is smaller than the light.
+    Pane(Widened<'a>),
 }
 
 /// A ray that meets the light through a pane.
@@ -96,7 +112,7 @@ const SETTLED: f64 = 0.5;
 const COVERED: f64 = 0.7;
 
 /// Successive multiples of it, modulo 1, are the most evenly spread.
-const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
+pub(super) const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
 impl<'a> LightView<'a> {
     /// The view of a light, which is empty for a point light and for one that is all around.
@@ -108,7 +124,6 @@ impl<'a> LightView<'a> {
         effort: &Effort,
         second: Option<&'a SecondPanes>,
     ) -> Self {
-        let (mut apertures, mut windows, mut patches) = (Vec::new(), Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
         let region = LightRegion::of_light(source);
         let candidates = match second {
@@ -116,6 +131,9 @@ impl<'a> LightView<'a> {
             None => scene.pane_tree().candidates(point.position, &region),
             Some(second) => second.candidates(point.position, &region),
         };
+        let mut apertures = Vec::with_capacity(candidates.len());
+        let mut patches = Vec::with_capacity(candidates.len());
+        let mut windows = Vec::new();
         for index in candidates.into_iter().filter(|index| !scene.media().is_immersed(*index)) {
             let pane = &scene.panes()[index as usize];
             let origin = pane.frame.point_to_local(point.position);
@@ -130,27 +148,42 @@ impl<'a> LightView<'a> {
                 Some(Some(behind)) => behind.bounds_behind(&bounds, origin),
                 Some(None) => continue,
             };
-            let aperture = apertures.len();
-            match bounds {
+            let index_of = apertures.len();
+            let outline = match bounds {
                 Some(bounds) if !covers(&region, pane, point.position) => {
                     let Some(window) = Window::new(&side, origin, &bounds) else { continue };
-                    windows.push((aperture, window));
+                    let outline = *window.outline();
+                    windows.push((index_of, window));
+                    outline
                 }
                 _ => {
                     let Some(seen) = seen_face(&side, origin) else { continue };
-                    patches.extend(Patch::of(aperture, &side, origin, &seen.outline, *seen.outline.rect()));
+                    let rect = *seen.outline.rect();
+                    let widened = seen.outline.widened();
+                    let weight = widened.area() * solid_angle(&side, origin, rect.centre());
+                    patches.push(Patch { aperture: index_of, rect, glass: GlassOfPatch::Pane(widened), weight });
+                    seen.outline
                 }
-            }
-            apertures.push(PaneAperture { pane: index, side, origin });
+            };
+            apertures.push(PaneAperture { pane: index, side, origin, outline });
         }
-        for (aperture, rect) in cut(&windows, effort.parts) {
-            let PaneAperture { side, origin, .. } = &apertures[windows[aperture].0];
-            let (aperture, window) = &windows[aperture];
-            patches.extend(Patch::of(*aperture, side, *origin, window.outline(), rect));
+        let [for_windows, for_panes] = effort.rays_for;
+        let rays = windows.len() as u32 * for_windows + patches.len() as u32 * for_panes;
+        let rays = rays.min(MOST_RAYS).max(effort.rays);
+        for (window, rect) in cut(&windows, effort.parts) {
+            let aperture = windows[window].0;
+            let PaneAperture { side, origin, outline, .. } = &apertures[aperture];
+            let Some(shape) = outline.shape(&rect) else { continue };
+            let weight = shape.area() * solid_angle(side, *origin, rect.centre());
+            patches.push(Patch { aperture, rect, glass: GlassOfPatch::Part(shape), weight });
         }
-        let total: f64 = patches.iter().map(|patch| patch.weight).sum();
-        let stride = total / f64::from(effort.rays);
-        Self { scene, point, light, second, apertures, patches, rays: effort.rays, stride }
+        patches.retain(|patch| patch.weight > 0.0);
+        let warp = Warp::new((0u32..).zip(&patches).map(|(index, patch)| {
+            let at = apertures[patch.aperture].direction(patch.rect.centre());
+            let at = apertures[0].side.pane.frame.vector_to_local(at).truncate();
+            Weighted { index, at, weight: patch.weight }
+        }));
+        Self { scene, point, light, second, apertures, patches, warp, rays }
     }
 
     /// Sends the rays; whatever sees the light is handed to `see`.
@@ -160,22 +193,14 @@ impl<'a> LightView<'a> {
         counters: &mut Counters,
         see: &mut dyn FnMut(LightSample, &PaneAperture<'a>),
     ) {
-        let mut remaining = self.patches.iter();
-        let Some(mut patch) = remaining.next() else { return };
-        let mut start = 0.0;
         for ray in 0..self.rays {
-            let position = (f64::from(ray) + random.x) * self.stride;
-            while position >= start + patch.weight
-                && let Some(next) = remaining.next()
-            {
-                start += patch.weight;
-                patch = next;
-            }
-            let along = ((position - start) / patch.weight).min(1.0);
+            let along = (f64::from(ray) + random.x) / f64::from(self.rays);
             let across = random.y + f64::from(ray) * GOLDEN_RATIO;
-            let place = patch.shape.sample(DVec2::new(along, across - across.floor()));
+            let Some((patch, within)) = self.warp.patch(DVec2::new(along, across - across.floor())) else { return };
+            let patch = &self.patches[patch as usize];
             let aperture = &self.apertures[patch.aperture];
-            let density = patch.density(self.stride, aperture, place);
+            let place = patch.glass.sample(within);
+            let density = self.density_in(patch, place);
             let aimed = AimedRay { place, density };
             if let Some(light_sample) = aperture.look(self.scene, self.point, self.light, aimed, self.second, counters)
             {
@@ -192,10 +217,15 @@ impl<'a> LightView<'a> {
     /// Expected number of rays for each unit of solid angle towards a place of a pane's near plane.
     pub(super) fn density(&self, pane: u32, place: DVec2) -> f64 {
         let holds = |patch: &&Patch| self.apertures[patch.aperture].pane == pane && patch.rect.contains(place);
-        self.patches
-            .iter()
-            .find(holds)
-            .map_or(0.0, |patch| patch.density(self.stride, &self.apertures[patch.aperture], place))
+        let patch = self.patches.iter().find(holds);
+        patch.map_or(0.0, |patch| self.density_in(patch, place))
+    }
+
+    /// The same towards a place of a patch.
+    fn density_in(&self, patch: &Patch<'_>, place: DVec2) -> f64 {
+        let aperture = &self.apertures[patch.aperture];
+        let rays = f64::from(self.rays) * patch.weight / self.warp.total();
+        rays / (patch.glass.area() * solid_angle(&aperture.side, aperture.origin, place))
     }
 }
 
@@ -207,6 +237,12 @@ pub(super) struct AimedRay {
 }
 
 impl PaneAperture<'_> {
+    /// Unit vector from the shading point towards a place of the near plane.
+    pub(super) fn direction(&self, place: DVec2) -> DVec3 {
+        let towards = place.extend(self.side.near_base()) - self.origin;
+        self.side.pane.frame.vector_to_world(towards.normalize())
+    }
+
     /// The light that a ray from the shading point meets behind the pane, or behind it and a second one.
     pub(super) fn look(
         &self,
@@ -217,7 +253,7 @@ impl PaneAperture<'_> {
         second: Option<&SecondPanes>,
         counters: &mut Counters,
     ) -> Option<LightSample> {
-        let Self { pane, side, origin } = self;
+        let Self { pane, side, origin, .. } = self;
         let frame = &side.pane.frame;
         let ray = Ray::new(*origin, (place.extend(side.near_base()) - *origin).normalize());
         let direction = frame.vector_to_world(ray.direction);
@@ -264,14 +300,18 @@ fn cut(windows: &[(usize, Window<'_>)], most: usize) -> Vec<(usize, Rect)> {
     let keep = |index: usize, rect: &Rect, open: &mut VecDeque<_>, done: &mut Vec<_>| {
         let (_, window) = &windows[index];
         let Some(part) = window.part(rect) else { return };
-        if part.spread.cmple(window.deflection().extent() * SETTLED).all() {
+        if is_settled(window, part.spread) {
             done.push((index, part.rect));
         } else {
             open.push_back((index, part.rect));
         }
     };
     for (index, (_, window)) in windows.iter().enumerate() {
-        keep(index, window.rect(), &mut open, &mut done);
+        if is_settled(window, window.spread()) {
+            done.push((index, *window.rect()));
+        } else {
+            keep(index, window.rect(), &mut open, &mut done);
+        }
     }
     while open.len() + done.len() < most
         && let Some((index, rect)) = open.pop_front()
@@ -284,6 +324,11 @@ fn cut(windows: &[(usize, Window<'_>)], most: usize) -> Vec<(usize, Rect)> {
     done
 }
 
+/// Whether slopes that spread the end points so much are not worth telling apart.
+fn is_settled(window: &Window<'_>, spread: DVec2) -> bool {
+    spread.cmple(window.deflection().extent() * SETTLED).all()
+}
+
 /// Whether a pane is smaller than a light, as a point sees both: then its window is all of it.
 fn covers(region: &LightRegion, pane: &Pane, from: DVec3) -> bool {
     let bounds = pane.outline.bounds();
@@ -292,18 +337,21 @@ fn covers(region: &LightRegion, pane: &Pane, from: DVec3) -> bool {
     region.seen_from_ball(centre, 0.0).is_some_and(|(_, extent)| radius < COVERED * extent * centre.distance(from))
 }
 
-impl Patch {
-    /// What the lead leaves of a rectangle of an aperture; `None` where that is nothing.
-    fn of(aperture: usize, side: &PaneSide<'_>, origin: DVec3, outline: &SeenOutline<'_>, rect: Rect) -> Option<Self> {
-        let shape = outline.shape(&rect)?;
-        let weight = shape.area() * solid_angle(side, origin, rect.centre());
-        (weight > 0.0).then_some(Self { aperture, rect, shape, weight })
+impl GlassOfPatch<'_> {
+    /// Its area in square metres.
+    fn area(&self) -> f64 {
+        match self {
+            Self::Part(shape) => shape.area(),
+            Self::Pane(widened) => widened.area(),
+        }
     }
 
-    /// Expected number of rays for each unit of solid angle, when there is one for each `stride` of the patches'
-    /// weights.
-    fn density(&self, stride: f64, aperture: &PaneAperture<'_>, place: DVec2) -> f64 {
-        self.weight / (stride * self.shape.area() * solid_angle(&aperture.side, aperture.origin, place))
+    /// A place in it for a pair of numbers in [0, 1): uniform over the area.
+    fn sample(&self, random: DVec2) -> DVec2 {
+        match self {
+            Self::Part(shape) => shape.sample(random),
+            Self::Pane(widened) => widened.sample(random),
+        }
     }
 }
 

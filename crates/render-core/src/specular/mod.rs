@@ -48,6 +48,7 @@ pub mod sms;
 pub(crate) mod testing;
 mod traced_path;
 mod trials;
+mod warp;
 mod widest;
 pub mod window;
 

@@ -62,6 +62,7 @@ pub struct Window<'a> {
     outline: SeenOutline<'a>,
     rect: Rect,
     deflection: DeflectionBounds<'a>,
+    spread: DVec2,
     margin: f64,
 }
 
@@ -83,20 +84,25 @@ impl<'a> Window<'a> {
             if grown.is_empty() {
                 return None;
             }
-            let settled = round > 0 && grown.area() > CONTRACTED * rect.area();
+            let settled = grown.area() > CONTRACTED * rect.area();
             rect = grown;
-            last = Some((deflection, margin));
+            last = Some((deflection, part.spread, margin));
             if settled {
                 break;
             }
         }
-        let (deflection, margin) = last?;
-        Some(Self { origin, outline, rect, deflection, margin })
+        let (deflection, spread, margin) = last?;
+        Some(Self { origin, outline, rect, deflection, spread, margin })
     }
 
     /// The whole window.
     pub fn rect(&self) -> &Rect {
         &self.rect
+    }
+
+    /// How far an end point may be off because the slopes vary over the window: [`Part::spread`], or more.
+    pub(super) fn spread(&self) -> DVec2 {
+        self.spread
     }
 
     /// What of a part of the window can matter; `None` when nothing can.

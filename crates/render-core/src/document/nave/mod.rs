@@ -3,8 +3,10 @@
 //! Stone, sun, camera and the four openings of the clerestory are the same for any number of panes. The openings are
 //! cut into smaller panes, as in leaded lights, with cames between them (`leading`). The waves of the glass keep their
 //! lengths (`glazing`). So the receiver gets about the same light, from more panes. The walls are closed (`stonework`):
-//! the sun comes in through glass alone.
+//! the sun comes in through glass alone. Or the openings have leaded windows of diamonds, as such a nave would have
+//! (`diamonds`).
 
+mod diamonds;
 mod glazing;
 mod leading;
 mod stonework;
@@ -74,11 +76,23 @@ impl fmt::Display for PaneCount {
 /// the wall at x = 0; the sun shines through them onto the wall at x = 8, at which the camera looks.
 pub fn nave(panes: PaneCount) -> SceneDescription {
     let PaneCount { cuts } = panes;
-    let mut meshes = stonework::meshes();
-    meshes.push(leading::cames(cuts));
+    let mut scene = building(format!("Nave with {panes} panes"));
+    scene.materials.extend([diffuse("lead", [0.22, 0.22, 0.23])]);
+    scene.meshes.push(leading::cames(cuts));
+    scene.panes = glazing::panes(cuts);
+    scene
+}
+
+/// The same nave with leaded windows of diamonds, which are cut from crown, cylinder-blown and hammered sheets.
+pub fn nave_with_diamonds() -> SceneDescription {
+    SceneDescription { windows: diamonds::windows(), ..building("Nave with diamonds".to_owned()) }
+}
+
+/// The nave without its glass.
+fn building(name: String) -> SceneDescription {
     SceneDescription {
         version: SCENE_FORMAT_VERSION,
-        name: format!("Nave with {panes} panes"),
+        name,
         seed: 1,
         film: FilmDescription { width: 480, height: 360 },
         camera: CameraDescription::Perspective {
@@ -91,11 +105,11 @@ pub fn nave(panes: PaneCount) -> SceneDescription {
         path_filter: None,
         sampling: SamplingDescription::default(),
         materials: materials(),
-        meshes,
+        meshes: stonework::meshes(),
         imports: Vec::new(),
         windows: Vec::new(),
         sheets: BTreeMap::new(),
-        panes: glazing::panes(cuts),
+        panes: Vec::new(),
         lights: vec![LightDescription::Sun(SunLight {
             name: "sun".to_owned(),
             // 40 degrees high, 15 degrees from the normal of the windows.
@@ -107,18 +121,16 @@ pub fn nave(panes: PaneCount) -> SceneDescription {
 }
 
 fn materials() -> BTreeMap<String, MaterialDescription> {
-    let diffuse = |name: &str, colour: Triple| {
-        (
-            name.to_owned(),
-            MaterialDescription::Diffuse(DiffuseMaterial { reflectance: ColourDescription::Colour(colour) }),
-        )
-    };
     BTreeMap::from([
         diffuse("ashlar", [0.62, 0.57, 0.48]),
         diffuse("flagstones", [0.45, 0.42, 0.37]),
-        diffuse("lead", [0.22, 0.22, 0.23]),
         diffuse("oak", [0.34, 0.25, 0.16]),
     ])
+}
+
+fn diffuse(name: &str, colour: Triple) -> (String, MaterialDescription) {
+    let reflectance = ColourDescription::Colour(colour);
+    (name.to_owned(), MaterialDescription::Diffuse(DiffuseMaterial { reflectance }))
 }
 
 #[cfg(test)]

@@ -118,6 +118,16 @@ fn the_sun_comes_in_through_glass_alone() {
 }
 
 #[test]
+fn the_sun_comes_into_the_leaded_nave_through_glass_alone() {
+    let leaded = sunlight(&built(nave_with_diamonds()));
+    assert_eq!(leaded.unhindered, 0);
+    assert!(leaded.through_glass > 150_000, "{}", leaded.through_glass);
+    // The lead covers more than the few cames of the nave that is cut into 16 panes.
+    let cut = sunlight(&built(nave("16".parse().unwrap())));
+    assert!(leaded.through_glass < cut.through_glass, "{} {}", leaded.through_glass, cut.through_glass);
+}
+
+#[test]
 fn the_camera_sees_the_light_of_at_least_half_of_the_panes() {
     for count in PaneCount::all() {
         let description = nave(count);

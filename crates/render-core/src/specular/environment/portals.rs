@@ -16,7 +16,7 @@ use super::super::second_panes::SecondPanes;
 use super::super::side::PaneSide;
 use super::super::window::seen_face;
 use crate::geometry::spherical_rectangle::SphericalRectangle;
-use crate::geometry::{Face, Pane, PaneBoundary, Ray, SeenOutline, Shape, Surface};
+use crate::geometry::{Face, Pane, PaneBoundary, Ray, Shape, Surface};
 use crate::light::{Chosen, Cluster, EmissionCone, Light, LightTree, Receiver, Side, Source, with_finer_places};
 use crate::math::Rect;
 use crate::scene::{Scene, ShadingPoint};
@@ -131,7 +131,7 @@ impl Rays {
         if self.to_light == 0.0 {
             return to_panes;
         }
-        let straight = Source::Direction(seen.direction(place));
+        let straight = Source::Direction(seen.aperture.direction(place));
         to_panes + self.to_light * source.source_density(DVec3::ZERO, 0.0, straight)
     }
 }
@@ -164,7 +164,6 @@ fn portal(pane: &Pane, face: Face) -> Cluster {
 struct SeenPortal<'a> {
     portal: u32,
     aperture: PaneAperture<'a>,
-    outline: SeenOutline<'a>,
     /// What it covers of the near plane.
     covered: Covered,
 }
@@ -195,7 +194,7 @@ impl<'a> SeenPortal<'a> {
             }
             shape @ Shape::Polygon(..) => Covered::Polygon { shape, height: seen.near },
         };
-        Some(Self { portal, aperture: PaneAperture { pane, side, origin }, outline: seen.outline, covered })
+        Some(Self { portal, aperture: PaneAperture { pane, side, origin, outline: seen.outline }, covered })
     }
 
     fn foot(&self) -> DVec2 {
@@ -212,7 +211,7 @@ impl<'a> SeenPortal<'a> {
 
     /// Whether a place is one that may be drawn.
     fn holds(&self, place: DVec2) -> bool {
-        self.outline.contains(place)
+        self.aperture.outline.contains(place)
     }
 
     /// The density of such a place, per solid angle.
@@ -224,13 +223,6 @@ impl<'a> SeenPortal<'a> {
                 length * length * length / (shape.area() * height)
             }
         }
-    }
-
-    /// The direction to a place, in the world.
-    fn direction(&self, place: DVec2) -> DVec3 {
-        let PaneAperture { side, origin, .. } = &self.aperture;
-        let local = (place.extend(side.near_base()) - *origin).normalize();
-        side.pane.frame.vector_to_world(local)
     }
 }
 
