@@ -107,7 +107,7 @@ pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<Sce
     }
     SceneDescription::read(document.to_string().as_bytes()).map_err(|source| {
         let texts: Vec<String> = changes.iter().map(|change| format!("`{}`", change.text)).collect();
-        OverrideError::Value { changes: texts.join(", "), source }
+        OverrideError::Value { changes: texts.join(", "), source: source.without_place_in_text() }
     })
 }
 
@@ -400,8 +400,13 @@ mod tests {
             ("lights.sun.radiance=[1,1,1]", &["lights is a list", "in brackets"]),
             ("integrator.conic.search=published", &["integrator is", "the integrator conic beside it"]),
             ("film.width.pixels=4", &["film.width", "a path that ends there"]),
+            (
+                "panes[0].front=crown",
+                &["panes[0].front.crown", "the name alone", "{\"crown\": {...}} with its members"],
+            ),
         ] {
             let message = changed(change).unwrap_err().to_string();
+            assert!(!message.contains("column") || message.contains("EOF"), "a place in no file: {message}");
             for fragment in fragments {
                 assert!(message.contains(fragment), "no {fragment:?} in: {message}");
             }

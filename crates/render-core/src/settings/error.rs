@@ -109,6 +109,16 @@ impl SceneError {
         }
     }
 
+    /// The same without a place in a text, for a text that nobody has written.
+    pub(crate) fn without_place_in_text(mut self) -> Self {
+        if let Self::Structure { message, .. } = &mut self
+            && let Some(at) = message.rfind(" at line ")
+        {
+            message.truncate(at);
+        }
+        self
+    }
+
     /// The same with another path, where there is one.
     pub(crate) fn with_path(mut self, change: impl FnOnce(&str) -> Option<String>) -> Self {
         if let Self::Structure { path, .. } | Self::Value { path, .. } | Self::Asset { path, .. } = &mut self
@@ -130,7 +140,11 @@ impl SceneError {
             "" => ROOT.to_owned(),
             path => one_line(path),
         };
-        let message = one_line(&error.inner().to_string());
+        let mut message = one_line(&error.inner().to_string());
+        if let Some(place) = NAME_WITHOUT_MEMBERS.iter().find_map(|said| message.strip_prefix(said)) {
+            let name = path.rsplit('.').next().unwrap_or_default();
+            message = format!("found the name alone, must be {{\"{name}\": {{...}}}} with its members{place}");
+        }
         if !error.inner().is_syntax() {
             return Self::Structure { path, message };
         }
@@ -145,6 +159,12 @@ impl SceneError {
         Self::Structure { path, message }
     }
 }
+
+/// What the reader says of a choice that has members and is given by its name alone.
+const NAME_WITHOUT_MEMBERS: [&str; 2] = [
+    "invalid type: unit variant, expected newtype variant",
+    "invalid type: unit variant, expected struct variant",
+];
 
 /// A path of the reader, written as a [`JsonPath`]; empty for the scene itself.
 fn written(path: &serde_path_to_error::Path) -> String {

@@ -75,6 +75,8 @@ pub struct HistoricalColour {
     pub name: &'static str,
     /// What colours it.
     pub tint: Tint,
+    /// Thickness of its sheets, metres.
+    pub thickness: f64,
     /// What it was, and where the numbers come from.
     pub provenance: &'static str,
 }
@@ -84,6 +86,12 @@ const fn body(absorption: Triple) -> Tint {
     Tint { body: absorption, flash: [0.0; 3], stain: [0.0; 3] }
 }
 
+/// Thickness of crown and cylinder glass for windows, metres.
+const WINDOW_GLASS: f64 = 0.0018;
+
+/// Thickness of the coloured glass of medieval windows, metres.
+const POT_METAL: f64 = 0.003;
+
 /// The colours that have a name.
 ///
 /// Coefficients of the soda-lime glasses follow from measured spectra. All others are chosen to match published
@@ -92,68 +100,81 @@ pub const COLOURS: [HistoricalColour; 13] = [
     HistoricalColour {
         name: "clear",
         tint: body([13.9, 4.5, 5.35]),
+        thickness: WINDOW_GLASS,
         provenance: "modern clear soda-lime glass (Rubin 1985), under D65",
     },
     HistoricalColour {
         name: "greenish",
         tint: body([64.7, 25.5, 27.2]),
+        thickness: WINDOW_GLASS,
         provenance: "green soda-lime glass with 0.5 % iron (Rubin 1985), near that of crown and cylinder glass of the \
                      18th and 19th century",
     },
     HistoricalColour {
         name: "potash",
         tint: body([140.0, 95.0, 170.0]),
+        thickness: POT_METAL,
         provenance: "medieval potash glass with about 1 % iron: 0.74 of light at 3 mm, estimated from its composition \
                      (Schalm et al., Verre et Histoire)",
     },
     HistoricalColour {
         name: "ruby",
         tint: Tint { body: [140.0, 95.0, 170.0], flash: [1.3, 5.4, 4.6], stain: [0.0; 3] },
+        thickness: POT_METAL,
         provenance: "copper ruby flashed on potash glass, about 4 % of light at 3 mm (rule of thumb: 1 to 5 %)",
     },
     HistoricalColour {
         name: "gold_ruby",
         tint: Tint { body: [13.9, 4.5, 5.35], flash: [0.35, 2.6, 1.5], stain: [0.0; 3] },
+        thickness: POT_METAL,
         provenance: "gold ruby flashed on clear glass, from the 17th century on; estimate",
     },
     HistoricalColour {
         name: "cobalt",
         tint: body([1150.0, 1000.0, 330.0]),
+        thickness: POT_METAL,
         provenance: "cobalt blue, about 7 % of light, with the red that it leaks beyond 690 nm (Ceglia et al. 2012)",
     },
     HistoricalColour {
         name: "smalt",
         tint: body([620.0, 420.0, 120.0]),
+        thickness: POT_METAL,
         provenance: "pale cobalt blue of the 15th to 17th century; estimate",
     },
     HistoricalColour {
         name: "turquoise",
         tint: body([900.0, 330.0, 300.0]),
+        thickness: POT_METAL,
         provenance: "copper (Cu2+) blue, band at 780 nm; estimate",
     },
     HistoricalColour {
         name: "green",
         tint: body([900.0, 480.0, 950.0]),
+        thickness: POT_METAL,
         provenance: "copper and iron green, about 19 % of light (rule of thumb: 5 to 20 %)",
     },
     HistoricalColour {
         name: "purple",
         tint: body([430.0, 900.0, 520.0]),
+        thickness: POT_METAL,
         provenance: "manganese (Mn3+) purple, band at 490 nm, about 12 % of light; estimate",
     },
     HistoricalColour {
         name: "murrey",
         tint: body([250.0, 620.0, 700.0]),
+        thickness: POT_METAL,
         provenance: "manganese brown-pink, as for flesh; estimate",
     },
     HistoricalColour {
         name: "amber",
         tint: body([180.0, 430.0, 1200.0]),
+        thickness: POT_METAL,
         provenance: "iron-sulphur amber, band at 410 nm; estimate",
     },
     HistoricalColour {
         name: "silver_stain",
         tint: Tint { body: [140.0, 95.0, 170.0], flash: [0.0; 3], stain: [0.06, 0.35, 2.6] },
+        thickness: POT_METAL,
         provenance: "silver (Ag0) stain on potash glass, from the 14th century on, band at 400 to 430 nm, about half \
                      the light (rule of thumb: 40 to 60 %)",
     },
@@ -163,9 +184,15 @@ impl GlassColour {
     /// What colours it; `None` for a name that is not known.
     pub fn tint(&self) -> Option<Tint> {
         match self {
-            Self::Named(name) => named(name),
+            Self::Named(name) => named(name).map(|colour| colour.tint),
             Self::Tint(tint) => Some(*tint),
         }
+    }
+
+    /// Usual thickness of such glass, metres; that of window glass for a tint, or for a name that is not known.
+    pub(super) fn usual_thickness(&self) -> f64 {
+        let Self::Named(name) = self else { return WINDOW_GLASS };
+        named(name).map_or(WINDOW_GLASS, |colour| colour.thickness)
     }
 
     pub(super) fn check(&self, path: &JsonPath<'_>) -> Check {
@@ -186,6 +213,6 @@ impl GlassColour {
 }
 
 /// The historical colour of this name.
-pub(super) fn named(name: &str) -> Option<Tint> {
-    COLOURS.iter().find(|colour| colour.name == name).map(|colour| colour.tint)
+pub(super) fn named(name: &str) -> Option<&'static HistoricalColour> {
+    COLOURS.iter().find(|colour| colour.name == name)
 }

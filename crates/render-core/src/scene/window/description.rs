@@ -150,7 +150,7 @@ impl WindowDescription {
         let kind = self.kind(name).unwrap_or_default();
         let tint = kind.colour.tint().unwrap_or_default();
         let channel = |channel: usize| {
-            let absorbance = tint.body[channel] * kind.thickness + tint.flash[channel] + tint.stain[channel];
+            let absorbance = tint.body[channel] * kind.thickness() + tint.flash[channel] + tint.stain[channel];
             let value = libm::pow(libm::exp(-absorbance), 1.0 / 2.2);
             (value * 255.0).round() as u8
         };

@@ -101,7 +101,7 @@ impl Glazier<'_> {
         let [x, y, z] = self.window.axes();
         let [about_x, about_y] = piece.tilt.map(f64::to_radians);
         let turn = rotation_about(x, about_x) * rotation_about(y, about_y);
-        let thickness = kind.thickness * piece.thickness_factor;
+        let thickness = kind.thickness() * piece.thickness_factor;
         let middle = DVec3::from(self.window.sill) + x * outline.middle.x + y * outline.middle.y;
         let pane = PaneDescription {
             name: format!("{} {}", self.window.name, piece.place),
@@ -216,7 +216,7 @@ impl Glazier<'_> {
         let corners = if is_convex(&plan.outline) { &plan.outline[..] } else { &rectangle };
         let Some(outline) = LocalOutline::of(corners) else { return Ok(()) };
         let [x, y, z] = self.window.axes();
-        let (kind, thickness) = (&outer.glass, outer.glass.thickness);
+        let (kind, thickness) = (&outer.glass, outer.glass.thickness());
         let path = self.path.member("outer");
         let middle = DVec3::from(self.window.sill) + x * outline.middle.x + y * outline.middle.y;
         let name = format!("{} outer", self.window.name);
