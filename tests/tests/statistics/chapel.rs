@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use clerestory_render_core::document::chapel::chapel;
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::integrator::PreparedScene;
-use clerestory_tests::bias::BiasReport;
+use clerestory_tests::bias::{BLOCK, BiasReport};
 use clerestory_tests::estimate::check_agreement;
 use clerestory_tests::rendering::block_means;
 use clerestory_tests::traced_scene::TracedScene;
@@ -80,8 +80,8 @@ fn without_lead(scene: &mut TracedScene) {
 fn light_through_stained_glass_of_the_chapel_is_that_of_photons() {
     for window in ["east north", "east middle", "east south"] {
         let bundle = lit_screen(window, "D TT L", "auto", [0.27, 32.0, 1.0], 1);
-        let reports =
-            check_against_photons(&[(window.to_owned(), bundle)], [128, 40_000_000], ("no lead", &without_lead));
+        let methods = [(window.to_owned(), bundle)];
+        let reports = check_against_photons(&methods, [128, 40_000_000], 2 * BLOCK, ("no lead", &without_lead));
         assert!(reports.iter().all(BiasReport::has_power), "{window}: {}", reports[0]);
     }
 }

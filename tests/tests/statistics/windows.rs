@@ -24,12 +24,13 @@ fn reference(scene: &TracedScene, photons: u64, fault: Fault) -> Reference {
     Reference::from_batches(&trace(scene, &Tracing { photons, batches: 32, seed: 11, fault }))
 }
 
-/// Pictures of one scene by several methods agree with photons, and not with those of a faulty tracer or of a changed
-/// scene.
+/// Pictures of one scene by several methods agree with photons in each block of so many pixels across, and not with
+/// those of a faulty tracer or of a changed scene.
 #[track_caller]
 pub(crate) fn check_against_photons(
     methods: &[(String, SceneBundle)],
     [samples, photons]: [u64; 2],
+    block: usize,
     change: (&str, &dyn Fn(&mut TracedScene)),
 ) -> Vec<BiasReport> {
     let scene = traced(&methods[0].1, &|_| ());
@@ -38,11 +39,11 @@ pub(crate) fn check_against_photons(
     let changed = reference(&traced(&methods[0].1, change.1), FAULTY_PHOTONS, Fault::None);
     let check = |(what, bundle): &(String, SceneBundle)| {
         let (replicates, _) = pictures(bundle, samples as u32, 1, &|_| 1);
-        let verdict = compare(&replicates, &right, &[], BLOCK);
+        let verdict = compare(&replicates, &right, &[], block);
         println!("{what}: {verdict}");
         assert!(verdict.agrees() && verdict.mean_error < 0.005, "{what}: {verdict}");
         for (fault, reference) in [("a missing Fresnel factor", &without_fresnel), (change.0, &changed)] {
-            let report = compare(&replicates, reference, &[], BLOCK);
+            let report = compare(&replicates, reference, &[], block);
             println!("{what} against {fault}: {report}");
             assert!(!report.agrees(), "{what} against {fault}: {report}");
         }
@@ -64,7 +65,7 @@ fn check_cut_sheet(pieces: [u32; 2], integrators: &[&str], work: [u64; 2]) -> Ve
         (format!("{pieces:?} pieces, {integrator}"), bundle)
     };
     let methods: Vec<_> = integrators.iter().map(method).collect();
-    check_against_photons(&methods, work, ("no cuts", &without_cuts))
+    check_against_photons(&methods, work, BLOCK, ("no cuts", &without_cuts))
 }
 
 #[test]

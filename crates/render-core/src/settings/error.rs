@@ -161,10 +161,8 @@ impl SceneError {
 }
 
 /// What the reader says of a choice that has members and is given by its name alone.
-const NAME_WITHOUT_MEMBERS: [&str; 2] = [
-    "invalid type: unit variant, expected newtype variant",
-    "invalid type: unit variant, expected struct variant",
-];
+const NAME_WITHOUT_MEMBERS: [&str; 2] =
+    ["invalid type: unit variant, expected newtype variant", "invalid type: unit variant, expected struct variant"];
 
 /// A path of the reader, written as a [`JsonPath`]; empty for the scene itself.
 fn written(path: &serde_path_to_error::Path) -> String {
