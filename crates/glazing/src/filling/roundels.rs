@@ -20,7 +20,7 @@ pub struct Roundels {
     /// Diameter of a disc, metres; 0.01 to 10. It is adjusted to whole numbers across the light.
     #[schemars(range(min = 0.01, max = 10.0))]
     pub diameter: f64,
-    /// Distance between neighbouring discs, metres; 0.001 to 1.
+    /// Distance between neighbouring discs, metres; 0.001 to 1. By default, the leads around them touch.
     #[schemars(range(min = 0.001, max = 1.0))]
     pub gap: f64,
     /// Glass between the discs. Absent: that of the window.
@@ -30,7 +30,7 @@ pub struct Roundels {
 
 impl Default for Roundels {
     fn default() -> Self {
-        Self { diameter: 0.11, gap: 0.022, between: None }
+        Self { diameter: 0.11, gap: 0.01, between: None }
     }
 }
 
