@@ -10,8 +10,9 @@ use clerestory_tests::forward_tracer::{Fault, Tracing, trace};
 use clerestory_tests::reference::Reference;
 use clerestory_tests::traced_scene::TracedScene;
 
-/// Photons of faulty references: enough for what the test has to notice.
-const FAULTY_PHOTONS: u64 = 200_000;
+/// The fewest photons of faulty references, and their part of those of the right one: enough for what the test has to
+/// notice.
+const FAULTY_PHOTONS: [u64; 2] = [200_000, 20];
 
 /// A scene as the forward tracer sees it, with changes.
 fn traced(bundle: &SceneBundle, change: &dyn Fn(&mut TracedScene)) -> TracedScene {
@@ -35,8 +36,10 @@ pub(crate) fn check_against_photons(
 ) -> Vec<BiasReport> {
     let scene = traced(&methods[0].1, &|_| ());
     let right = reference(&scene, photons, Fault::None);
-    let without_fresnel = reference(&scene, FAULTY_PHOTONS, Fault::MissingFresnelFactor);
-    let changed = reference(&traced(&methods[0].1, change.1), FAULTY_PHOTONS, Fault::None);
+    let [fewest, part] = FAULTY_PHOTONS;
+    let few = fewest.max(photons / part);
+    let without_fresnel = reference(&scene, few, Fault::MissingFresnelFactor);
+    let changed = reference(&traced(&methods[0].1, change.1), few, Fault::None);
     let check = |(what, bundle): &(String, SceneBundle)| {
         let (replicates, _) = pictures(bundle, samples as u32, 1, &|_| 1);
         let verdict = compare(&replicates, &right, &[], block);
