@@ -450,7 +450,8 @@ mod tests {
             let widened = seen.widened();
             let back = outline.middle() + (place - outline.middle()) / widened.by;
             prop_assert!(outline.contains(back));
-            prop_assert!(is_inside(&outline, outline.middle() + (widened.sample(DVec2::from(random)) - outline.middle()) / widened.by, 1e-12));
+            let drawn = outline.middle() + (widened.sample(DVec2::from(random)) - outline.middle()) / widened.by;
+            prop_assert!(is_inside(&outline, drawn, 1e-12));
             let shape = seen.shape(seen.rect()).unwrap();
             prop_assert!(widened.area() >= 0.999 * shape.area().min(outline.area()));
             let area = shape.area();

@@ -1,8 +1,8 @@
 //! Points of a square, spread evenly, moved onto patches of a plane by their weights.
 //!
-//! The patches are halved again and again by where they are, and the square with them, in proportion to the weights
-//! (hierarchical warping: Clarberg et al. 2005, "Wavelet Importance Sampling", section 4.2). Neighbours in the square
-//! stay neighbours on the plane. So points that are spread evenly stay so, however the plane is cut into patches.
+//! The patches are halved again and again by where they are, and the square with them, in proportion to the weights.
+//! This is hierarchical warping (Clarberg et al. 2005, "Wavelet Importance Sampling", section 4.2). Neighbours in the
+//! square stay neighbours on the plane. So points that are spread evenly stay so, however the plane is cut into patches.
 
 use glam::DVec2;
 use smallvec::SmallVec;
