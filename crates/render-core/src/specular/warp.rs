@@ -2,7 +2,7 @@
 //!
 //! The patches are halved again and again by where they are, and the square with them, in proportion to the weights.
 //! This is hierarchical warping (Clarberg et al. 2005, "Wavelet Importance Sampling", section 4.2). Neighbours in the
-//! square stay neighbours on the plane. So points that are spread evenly stay so, however the plane is cut into patches.
+//! square stay neighbours on the plane. So points that are spread evenly stay so, however the plane is cut.
 
 use glam::DVec2;
 use smallvec::SmallVec;
