@@ -22,6 +22,9 @@ const SIZE: [&str; 2] = ["--size", "24x24"];
 /// needs, and a round of 48 passes.
 const END: u32 = 192;
 
+/// A farm sums errors in another order, which may round upwards.
+const ROUNDING: f64 = 1.0 + 1e-9;
+
 /// A scene with small passes and blocks, and a reference with noise of its own.
 struct Order {
     folder: TempDir,
@@ -41,8 +44,7 @@ impl Order {
             rendered_alone(&scene(&folder), folder.path(), "reference.exr", &[&SIZE[..], &reference].concat());
         let words = succeeded(clerestory().arg("compare").arg(&alone).arg(&reference).arg("--json"));
         let metrics: Value = serde_json::from_slice(&words.stdout).unwrap();
-        // A farm sums the error in another order, which may round upwards.
-        let target = (metrics["corrected_mse"].as_f64().unwrap() * (1.0 + 1e-9)).to_string();
+        let target = (metrics["corrected_mse"].as_f64().unwrap() * ROUNDING).to_string();
         let options = ["--target-mse", &target, "--reference", reference.to_str().unwrap()].map(str::to_owned);
         Self { folder, options: options.to_vec(), reason: StopReason::Mse, alone }
     }
@@ -51,7 +53,7 @@ impl Order {
     fn by_estimated_error() -> Self {
         let (folder, alone) = Self::scene();
         let image = FrameImage::decode(&fs::read(&alone).unwrap(), DecodeBudget { pixel_bytes: 1 << 24 }).unwrap();
-        let target = mean_squared_standard_error(&image).unwrap().to_string();
+        let target = (mean_squared_standard_error(&image).unwrap() * ROUNDING).to_string();
         let options = ["--target-estimated-mse", &target].map(str::to_owned);
         Self { folder, options: options.to_vec(), reason: StopReason::EstimatedMse, alone }
     }
