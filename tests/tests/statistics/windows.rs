@@ -25,7 +25,7 @@ fn reference(scene: &TracedScene, photons: u64, fault: Fault) -> Reference {
     Reference::from_batches(&trace(scene, &Tracing { photons, batches: 32, seed: 11, fault }))
 }
 
-/// Pictures of one scene by several methods agree with photons in each block of so many pixels across, and not with
+/// Pictures of one scene by several methods agree with photons in each block of `block` by `block` pixels, and not with
 /// those of a faulty tracer or of a changed scene.
 #[track_caller]
 pub(crate) fn check_against_photons(

@@ -34,7 +34,7 @@ pub(super) struct Effort {
     pub(super) parts: usize,
 }
 
-/// At most so many rays are sent because there are many panes.
+/// The most rays that are sent because there are many panes.
 const MOST_RAYS: u32 = 128;
 
 impl Effort {

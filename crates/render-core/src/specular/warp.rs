@@ -112,7 +112,7 @@ mod tests {
     use crate::specular::light_view::GOLDEN_RATIO;
     use crate::specular::testing::{pair, random};
 
-    /// Cells of a grid in rows, each cut into so many slices.
+    /// Cells of a grid in rows, each cut into `cuts` slices.
     fn slices(cuts: u32) -> Vec<Weighted> {
         let slice = |index: u32| {
             let (cell, slice) = (index / cuts, index % cuts);
