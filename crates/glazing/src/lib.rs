@@ -15,6 +15,7 @@ mod clip;
 mod convex;
 mod curve;
 mod design;
+mod drawing;
 mod error;
 mod filling;
 mod glass;
@@ -39,7 +40,7 @@ pub use filling::{Border, Diamonds, Drawn, DrawnPiece, Filling, Rectangles, Roun
 pub use glass::{GlassCycle, GlassPattern, MixedGlass, UniformGlass, WeightedGlass};
 pub use lead::{CameProfile, Cames, Lead};
 pub use mesh::{MeshPart, PlanMesh};
-pub use opening::{Arch, Drop, Foil, Head, Lancet, Ogee, Opening, Roundel, Segmental, Tudor};
+pub use opening::{Arch, DrawnOpening, Drop, Foil, Head, Lancet, Ogee, Opening, Roundel, Segmental, Tudor};
 pub use plan::{Came, Piece, PiecePlace, SheetCut, SolderJoint, WindowPlan, Zone};
 pub use polygon::{area, convex_hull, inset_convex};
 pub use stone::{StoneFrame, StoneHole, StoneSection};

@@ -47,6 +47,9 @@ pub(crate) struct Outline {
 /// An arc of more than this is one that an inset has turned over, radians.
 const LARGEST_SWEEP: f64 = 1.8 * PI;
 
+/// Lines that turn by less than 20 degrees are chords of a curve: the cosine.
+const SMOOTH: f64 = 0.94;
+
 impl Outline {
     /// The outline along these sides; `None` where they do not close, or where a side would run backwards.
     pub(crate) fn new(sides: Vec<Side>) -> Option<Self> {
@@ -68,6 +71,21 @@ impl Outline {
         Self::new(vec![half(DVec2::X), half(DVec2::NEG_X)])
     }
 
+    /// The outline with these corners, counterclockwise; `None` where neighbours lie in one place or on one line.
+    pub(crate) fn around(corners: &[DVec2]) -> Option<Self> {
+        if corners.len() < 3 {
+            return None;
+        }
+        let corner = |index: usize| corners[index % corners.len()];
+        let side = |index: usize| {
+            let [from, to, next] = [corner(index), corner(index + 1), corner(index + 2)];
+            let turns_left = (to - from).perp_dot(next - to) > 0.0;
+            let corner = if turns_left { Corner::Convex } else { Corner::Reflex };
+            Side { curve: Curve::line(from, to), corner }
+        };
+        Self::new((0..corners.len()).map(side).collect())
+    }
+
     /// The sides.
     pub(crate) fn sides(&self) -> &[Side] {
         &self.sides
@@ -86,6 +104,44 @@ impl Outline {
     /// The angle of an arc, radians; 0 for a line.
     pub(crate) fn sweep(&self, side: usize) -> f64 {
         self.sides[side].curve.sweep(self.start(side), self.ends[side])
+    }
+
+    /// The sides as lines and arcs: sides that are chords of a curve follow each other in one of them.
+    pub(crate) fn runs(&self) -> Vec<Vec<usize>> {
+        let count = self.sides.len();
+        let is_chord = |index: usize| matches!(self.sides[index % count].curve, Curve::Line { .. });
+        let goes_on = |index: usize| {
+            let at = self.ends[index];
+            let [tangent, next] = [index, (index + 1) % count].map(|side| self.sides[side].curve.tangent(at));
+            is_chord(index) && is_chord(index + 1) && tangent.dot(next) > SMOOTH
+        };
+        let first = (0..count).find(|&index| !goes_on(index)).map_or(0, |last| last + 1);
+        let mut runs: Vec<Vec<usize>> = Vec::new();
+        let mut starts = true;
+        for index in (first..first + count).map(|index| index % count) {
+            match runs.last_mut() {
+                Some(run) if !starts => run.push(index),
+                _ => runs.push(vec![index]),
+            }
+            starts = !goes_on(index);
+        }
+        runs
+    }
+
+    /// A point of a run and the side that it is on, by the part of the run's length from its start.
+    pub(crate) fn point_of_run(&self, run: &[usize], part: f64) -> (usize, DVec2) {
+        let whole: f64 = run.iter().map(|&side| self.length(side)).sum();
+        let mut left = part;
+        let mut at = (0, DVec2::ZERO);
+        for &side in run {
+            let share = self.length(side) / whole;
+            at = (side, self.point(side, (left / share).min(1.0)));
+            if left <= share {
+                break;
+            }
+            left -= share;
+        }
+        at
     }
 
     /// The length of a side, metres.

@@ -70,16 +70,18 @@ impl FillingShape for Border {
         let edge = inner.polygon();
         let mut middles = Vec::new();
         let mut lines = vec![edge.iter().chain(edge.first()).copied().collect::<Vec<DVec2>>()];
-        for (index, side) in inner.sides().iter().enumerate() {
-            let count = (inner.length(index) / self.length()).round().max(1.0) as u32;
+        for run in inner.runs() {
+            let length: f64 = run.iter().map(|&side| inner.length(side)).sum();
+            let count = (length / self.length()).round().max(1.0) as u32;
             let across = |part: f64| {
-                let point = inner.point(index, part);
-                [point, point - side.curve.tangent(point).perp() * self.width]
+                let (side, point) = inner.point_of_run(&run, part);
+                [point, point - inner.sides()[side].curve.tangent(point).perp() * self.width]
             };
             let part = |number: f64| number / f64::from(count);
             lines.extend((1..count).map(|number| across(part(f64::from(number))).to_vec()));
             // At a sharp corner, the line to it may leave the light past a hollow side.
-            lines.extend(clipped(region.polygon, [[inner.end(index), region.outline.end(index)]]));
+            let corner = run.last().map(|&last| [inner.end(last), region.outline.end(last)]);
+            lines.extend(clipped(region.polygon, corner));
             middles.extend((0..count).map(|number| {
                 let [inside, outside] = across(part(f64::from(number) + 0.5));
                 0.5 * (inside + outside)

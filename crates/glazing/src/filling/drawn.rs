@@ -1,14 +1,13 @@
 //! Pieces along drawn outlines: figures, medallions, heraldry.
 
 use glam::DVec2;
-use kurbo::{BezPath, PathEl, Point};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Cell, CellGlass, Filling, FillingShape, Layout, MAX_PIECES, Region};
+use crate::drawing::{closed_path, millimetre};
 use crate::error::{GlazingError, check, join};
 use crate::glass::check_name;
-use crate::grid::crossing;
 use crate::outline::Outline;
 use crate::plan::Zone;
 use crate::polygon;
@@ -46,10 +45,6 @@ pub struct DrawnPiece {
     pub glass: String,
 }
 
-fn millimetre() -> f64 {
-    0.001
-}
-
 fn plain() -> Box<Filling> {
     Box::new(Filling::Plain)
 }
@@ -57,23 +52,11 @@ fn plain() -> Box<Filling> {
 /// Most drawn pieces.
 const MAX_DRAWN: usize = 5000;
 
-/// Longest path, bytes.
-const MAX_PATH: usize = 100_000;
-
-/// Most corners of a drawn outline.
-const MAX_CORNERS: usize = 2048;
-
-/// Largest distance of a curve from its chords, metres.
-const FLATNESS: f64 = 0.0003;
-
 /// Outlines that are drawn this near to each other are meant to be one line, metres.
 const DRAWN: f64 = 0.0004;
 
 /// Most pairs of corners of pieces that overlap, a second or so.
 const MAX_WORK: usize = 1 << 26;
-
-/// Smallest area of a piece, square metres.
-const MIN_AREA: f64 = 1e-6;
 
 /// The outline of a piece in window coordinates.
 struct Shape {
@@ -107,68 +90,10 @@ impl Drawn {
 
     /// The outline of a piece, counterclockwise, or what is expected of its path.
     fn shape(&self, piece: &DrawnPiece, upper_left: DVec2) -> Result<Shape, String> {
-        if piece.path.len() > MAX_PATH {
-            return Err(format!("at most {MAX_PATH} bytes long"));
-        }
-        let path = BezPath::from_svg(&piece.path).map_err(|error| format!("an SVG path: {error}"))?;
         let [right, down] = self.offset;
-        let place = |point: Point| upper_left + DVec2::new(right + self.scale * point.x, -down - self.scale * point.y);
-        let mut corners: Vec<DVec2> = Vec::new();
-        for (index, element) in path.elements().iter().enumerate() {
-            let from = corners.last().copied();
-            match (*element, from) {
-                (PathEl::MoveTo(to), _) if index == 0 => corners.push(place(to)),
-                (PathEl::LineTo(to), _) => corners.push(place(to)),
-                (PathEl::QuadTo(control, to), Some(from)) => {
-                    let (control, to) = (place(control), place(to));
-                    let cubic = [from, from.lerp(control, 2.0 / 3.0), to.lerp(control, 2.0 / 3.0), to];
-                    flatten(cubic, &mut corners)?;
-                }
-                (PathEl::CurveTo(first, second, to), Some(from)) => {
-                    flatten([from, place(first), place(second), place(to)], &mut corners)?;
-                }
-                (PathEl::ClosePath, _) => {}
-                _ => return Err("one closed part: a piece of glass has one outline and no holes".to_owned()),
-            }
-            if corners.len() > MAX_CORNERS {
-                return Err(format!("simple enough for {MAX_CORNERS} corners"));
-            }
-        }
-        let is_near = |corner: &DVec2| corner.is_finite() && corner.abs().max_element() < 1000.0;
-        if !corners.iter().all(is_near) {
-            return Err("within 1000 metres".to_owned());
-        }
-        corners.dedup_by(|next, corner| next.distance(*corner) < 1e-9);
-        if polygon::area(&corners) < 0.0 {
-            corners.reverse();
-        }
-        let corners = polygon::cleaned(&corners, 1e-9);
-        let area = polygon::area(&corners);
-        if area < MIN_AREA {
-            return Err(format!("an outline around at least {MIN_AREA} square metres, not {area:.3e}"));
-        }
-        if let Some(at) = crossing(&corners) {
-            let on_paper = [(at.x - upper_left.x - right), upper_left.y - at.y - down].map(|way| way / self.scale);
-            return Err(format!("an outline that does not cross itself: it does near {on_paper:.3?}"));
-        }
+        let corners = closed_path(&piece.path, upper_left + DVec2::new(right, -down), self.scale)?;
         Ok(Shape { bounds: polygon::bounds(&corners), corners })
     }
-}
-
-/// Adds the points of a cubic curve after its first, at equal distances of the parameter: as many as Wang's formula
-/// asks for. They are the same in both directions.
-fn flatten([a, b, c, d]: [DVec2; 4], corners: &mut Vec<DVec2>) -> Result<(), String> {
-    let bend = (a - 2.0 * b + c).length().max((b - 2.0 * c + d).length());
-    let wanted = (0.75 * bend / FLATNESS).sqrt().ceil().max(1.0);
-    if wanted.is_nan() || wanted > MAX_CORNERS as f64 {
-        return Err(format!("simple enough for {MAX_CORNERS} corners"));
-    }
-    for step in 1..=wanted as u32 {
-        let t = f64::from(step) / wanted;
-        let s = 1.0 - t;
-        corners.push(s * s * s * a + 3.0 * s * s * t * b + 3.0 * s * t * t * c + t * t * t * d);
-    }
-    Ok(())
 }
 
 /// The parts of lines that no shape hides.

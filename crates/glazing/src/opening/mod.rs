@@ -1,12 +1,14 @@
 //! The opening in the wall. One file for each kind; `registry` lists them.
 
 mod arch;
+mod drawn;
 mod foil;
 mod head;
 mod registry;
 mod roundel;
 
 pub use self::arch::Arch;
+pub use self::drawn::DrawnOpening;
 pub use self::foil::Foil;
 pub(crate) use self::foil::{LOBES, foil_outline};
 pub(crate) use self::head::TwoCentred;

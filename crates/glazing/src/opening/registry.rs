@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::arch::Arch;
+use super::drawn::DrawnOpening;
 use super::foil::Foil;
 use super::roundel::Roundel;
 use super::{OpeningForm, OpeningShape};
@@ -19,6 +20,8 @@ pub enum Opening {
     Roundel(Roundel),
     /// Lobes within a circle: a trefoil, a quatrefoil.
     Foil(Foil),
+    /// A drawn outline.
+    Drawn(DrawnOpening),
 }
 
 impl Opening {
@@ -28,6 +31,7 @@ impl Opening {
             Self::Arch(arch) => ("arch", arch),
             Self::Roundel(roundel) => ("roundel", roundel),
             Self::Foil(foil) => ("foil", foil),
+            Self::Drawn(drawn) => ("drawn", drawn),
         };
         shape.form(&join(path, name))
     }

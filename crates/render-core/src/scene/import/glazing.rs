@@ -21,7 +21,7 @@ const AREA_TOLERANCE: f64 = 5e-3;
 /// Largest part of a box that a pane may lack: edges may be rounded.
 const VOLUME_TOLERANCE: f64 = 0.03;
 
-/// A rectangle or another convex shape that becomes a pane.
+/// A rectangle or another flat shape that becomes a pane or a leaded window.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PaneFit {
     /// Its middle, between both faces.
@@ -30,9 +30,9 @@ pub(crate) struct PaneFit {
     pub(crate) axes: [DVec3; 2],
     /// Width and height, metres.
     pub(crate) size: [f64; 2],
-    /// The corners of a flat shape that is no rectangle, from the middle along `axes`, counterclockwise, metres.
+    /// The corners of a shape that is no rectangle, from the middle along `axes`, counterclockwise, metres.
     pub(crate) outline: Option<Vec<DVec2>>,
-    /// Distance between the faces of a box, metres; `None` for a flat rectangle.
+    /// Distance between the faces of a body, metres; `None` for a flat shape.
     pub(crate) thickness: Option<f64>,
 }
 
@@ -115,11 +115,12 @@ fn fit(triangles: &[[DVec3; 3]]) -> Result<PaneFit, String> {
     let size = [extent.x, extent.y];
     let centre = axes[0] * middle.x + axes[1] * middle.y + normal * middle.z;
     let [absolute, relative] = FLATNESS;
-    if extent.z <= absolute.min(relative * extent.x.max(extent.y)) {
+    let flat = absolute.min(relative * extent.x.max(extent.y));
+    if extent.z <= flat {
         if (area / rectangle - 1.0).abs() <= AREA_TOLERANCE {
             return Ok(PaneFit { centre, axes, size, outline: None, thickness: None });
         }
-        return convex(triangles, axes, normal, area);
+        return outlined(triangles, axes, normal);
     }
     if extent.z > THICKEST * size[0].min(size[1]) {
         let DVec3 { x, y, z } = extent;
@@ -130,37 +131,87 @@ fn fit(triangles: &[[DVec3; 3]]) -> Result<PaneFit, String> {
         a.dot(b.cross(c)) / 6.0
     });
     let filled = volume.sum::<f64>().abs() / (rectangle * extent.z);
-    if (filled - 1.0).abs() > VOLUME_TOLERANCE {
-        return Err(format!("it is neither flat nor a closed box: it fills {:.0} % of one", 100.0 * filled));
+    if (filled - 1.0).abs() <= VOLUME_TOLERANCE {
+        return Ok(PaneFit { centre, axes, size, outline: None, thickness: Some(extent.z) });
     }
-    Ok(PaneFit { centre, axes, size, outline: None, thickness: Some(extent.z) })
+    // A sheet of another outline has it on both faces.
+    let is_front = |corners: &&[DVec3; 3]| corners.iter().all(|corner| max.z - corner.dot(normal) <= flat);
+    let front: Vec<[DVec3; 3]> = triangles.iter().filter(is_front).copied().collect();
+    let face = 0.5 * front.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length()).sum::<f64>();
+    let sheet = face / rectangle;
+    if (filled / sheet - 1.0).abs() > VOLUME_TOLERANCE {
+        return Err(format!("it is neither flat nor a closed box or sheet: it fills {:.0} % of one", 100.0 * filled));
+    }
+    let face = outlined(&front, axes, normal)?;
+    Ok(PaneFit { centre: face.centre - normal * (0.5 * extent.z), thickness: Some(extent.z), ..face })
 }
 
 /// Directions in a plane are upright where they rise by at least this much over their length.
 const LEAST_RISE: f64 = 1e-3;
 
-/// The outline of a flat shape, if it is convex. It stands upright, or lies along the axes where it lies flat.
-fn convex(triangles: &[[DVec3; 3]], axes: [DVec3; 2], normal: DVec3, area: f64) -> Result<PaneFit, String> {
+/// The outline of a flat shape. It stands upright, or lies along the axes where it lies flat.
+fn outlined(triangles: &[[DVec3; 3]], axes: [DVec3; 2], normal: DVec3) -> Result<PaneFit, String> {
     let up = DVec3::Z - normal * normal.z;
     let axes = if up.length() < LEAST_RISE { axes } else { [up.normalize().cross(normal), up.normalize()] };
     let [min, max] = bounds(triangles, axes, normal);
     let (extent, middle) = (max - min, 0.5 * (min + max));
     let [x, y] = axes;
     let centre = x * middle.x + y * middle.y + normal * middle.z;
-    let local = |corner: &DVec3| DVec2::new((*corner - centre).dot(x), (*corner - centre).dot(y));
-    let points: Vec<DVec2> = triangles.iter().flatten().map(local).collect();
-    let outline = convex_hull(&points);
-    let hull = polygon_area(&outline);
-    if (area / hull - 1.0).abs() > AREA_TOLERANCE {
-        let part = 100.0 * area / hull;
-        return Err(format!("it is flat, but its outline is not convex: it fills {part:.0} % of the convex hull"));
-    }
-    if outline.len() > MOST_CORNERS {
-        let corners = outline.len();
-        return Err(format!("its outline has {corners} corners; panes have at most {MOST_CORNERS}"));
-    }
+    let local = |corner: DVec3| DVec2::new((corner - centre).dot(x), (corner - centre).dot(y));
+    let flat: Vec<[DVec2; 3]> = triangles.iter().map(|triangle| triangle.map(local)).collect();
+    let outline = border(&flat)?;
     Ok(PaneFit { centre, axes, size: [extent.x, extent.y], outline: Some(outline), thickness: None })
 }
+
+/// The corners around flat triangles, counterclockwise.
+fn border(triangles: &[[DVec2; 3]]) -> Result<Vec<DVec2>, String> {
+    let area: f64 = triangles.iter().map(|triangle| polygon_area(triangle).abs()).sum();
+    let is_all = |outline: &[DVec2]| (area / polygon_area(outline) - 1.0).abs() <= AREA_TOLERANCE;
+    // Corners on the edges of other triangles do not matter where the shape is convex.
+    let hull = convex_hull(&triangles.concat());
+    if is_all(&hull) {
+        return Ok(hull);
+    }
+    let loops = loops(triangles);
+    match &loops[..] {
+        [outline] if is_all(outline) => Ok(outline.clone()),
+        [_] | [] => Err("it is flat, but its triangles overlap or leave gaps".to_owned()),
+        several => Err(format!("it is flat, but has {} edges around it and in it", several.len())),
+    }
+}
+
+/// The closed lines along those edges that two triangles do not share, counterclockwise around the shape.
+fn loops(triangles: &[[DVec2; 3]]) -> Vec<Vec<DVec2>> {
+    let key = |corner: DVec2| corner.to_array().map(|x| (x / WELD).round() as i64);
+    let mut next: BTreeMap<[i64; 2], Vec<([i64; 2], DVec2)>> = BTreeMap::new();
+    for triangle in triangles {
+        let [a, b, c] = *triangle;
+        let [a, b, c] = if polygon_area(triangle) < 0.0 { [a, c, b] } else { [a, b, c] };
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            let (start, end) = (key(from), key(to));
+            let back = next.get_mut(&end);
+            let shared = back.and_then(|ends| Some((ends.iter().position(|(to, _)| *to == start)?, ends)));
+            match shared {
+                Some((place, ends)) => drop(ends.swap_remove(place)),
+                None if start != end => next.entry(start).or_default().push((end, from)),
+                None => {}
+            }
+        }
+    }
+    let mut loops = Vec::new();
+    while let Some(first) = next.iter().find(|(_, ends)| !ends.is_empty()).map(|(start, _)| *start) {
+        let (mut outline, mut at) = (Vec::new(), first);
+        while let Some((end, from)) = next.get_mut(&at).and_then(Vec::pop) {
+            outline.push(from);
+            at = end;
+        }
+        loops.push(outline);
+    }
+    loops
+}
+
+/// Corners this near to each other are one, metres.
+const WELD: f64 = 1e-6;
 
 /// The smallest and largest coordinates along two axes and a normal.
 fn bounds(triangles: &[[DVec3; 3]], [x, y]: [DVec3; 2], normal: DVec3) -> [DVec3; 2] {
@@ -176,6 +227,32 @@ fn upright([x, y]: [DVec3; 2]) -> [DVec3; 2] {
 }
 
 impl PaneFit {
+    /// Its outline as that of one sheet of glass; empty for a rectangle.
+    ///
+    /// # Errors
+    ///
+    /// Why one sheet has no such outline.
+    pub(crate) fn convex_outline(&self) -> Result<&[DVec2], String> {
+        let Some(outline) = &self.outline else { return Ok(&[]) };
+        let hull = polygon_area(&convex_hull(outline));
+        let part = polygon_area(outline) / hull;
+        if (part - 1.0).abs() > AREA_TOLERANCE {
+            let part = 100.0 * part;
+            return Err(format!(
+                "it is flat, but its outline is not convex: it fills {part:.0} % of the convex hull. Lead it, with \
+                 `diamonds` for instance"
+            ));
+        }
+        if outline.len() > MOST_CORNERS {
+            let corners = outline.len();
+            return Err(format!(
+                "its outline has {corners} corners, and panes have at most {MOST_CORNERS}. Lead it, with `diamonds` \
+                 for instance"
+            ));
+        }
+        Ok(outline)
+    }
+
     /// The middle of its front face, for glass of this thickness.
     pub(crate) fn front(&self, thickness: f64) -> DVec3 {
         let [x, y] = self.axes;
@@ -245,7 +322,10 @@ mod tests {
 
     #[test]
     fn what_is_no_pane_says_why() {
-        let reason = |positions: &[DVec3], triangles: &[[u32; 3]]| panes(positions, triangles)[0].clone().unwrap_err();
+        let reason = |positions: &[DVec3], triangles: &[[u32; 3]]| {
+            let pane = panes(positions, triangles)[0].clone();
+            pane.and_then(|pane| pane.convex_outline().map(drop)).unwrap_err()
+        };
         let (positions, _) = rectangle(DVec3::ZERO, DVec3::X, DVec3::Z);
         let arrow = [[0, 1, 2], [0, 2, 3]];
         let mut dented = positions.clone();
@@ -257,5 +337,63 @@ mod tests {
         assert!(reason(&positions, &triangles[..8]).contains("closed box"));
         let bent = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 0.1, 1.0), DVec3::Z];
         assert!(reason(&bent, &[[0, 1, 2], [0, 2, 3]]).contains("neither flat"));
+    }
+
+    /// A body between an outline at y = 0 and the same at y = `depth`. Its faces are fans around the first corner.
+    fn extruded(outline: &[[f64; 2]], depth: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let count = outline.len() as u32;
+        let at = |y: f64| outline.iter().map(move |[x, z]| DVec3::new(*x, y, *z));
+        let front = (1..count - 1).map(|corner| [0, corner, corner + 1]);
+        let back = (1..count - 1).map(|corner| [count, count + corner + 1, count + corner]);
+        let sides = (0..count).flat_map(|corner| {
+            let next = (corner + 1) % count;
+            [[corner, count + corner, next], [next, count + corner, count + next]]
+        });
+        (at(0.0).chain(at(depth)).collect(), front.chain(back).chain(sides).collect())
+    }
+
+    #[test]
+    fn a_sheet_of_any_outline_becomes_a_pane_of_its_thickness() {
+        let lancet = [[-0.3, 0.0], [0.3, 0.0], [0.3, 0.6], [0.0, 1.0], [-0.3, 0.6]];
+        let (positions, triangles) = extruded(&lancet, 0.004);
+        let found = panes(&positions, &triangles);
+        let [Ok(pane)] = &found[..] else { panic!("{found:?}") };
+        assert!((pane.thickness.unwrap() - 0.004).abs() < 1e-9);
+        assert!((pane.centre - DVec3::new(0.0, 0.002, 0.5)).length() < 1e-9, "{pane:?}");
+        let outline = pane.convex_outline().unwrap();
+        assert_eq!(outline.len(), 5);
+        assert!((polygon_area(outline) - 0.48).abs() < 1e-9);
+
+        let open = &triangles[..8];
+        assert!(panes(&positions, open)[0].clone().unwrap_err().contains("closed box or sheet"));
+    }
+
+    #[test]
+    fn the_outline_of_what_is_not_convex_goes_around_it() {
+        let arrow = [[0.0, 0.0], [1.0, 0.0], [0.3, 0.3], [0.0, 1.0]];
+        for depth in [0.0, 0.01] {
+            let turned = [arrow[2], arrow[3], arrow[0], arrow[1]];
+            let (positions, triangles) = extruded(&turned, depth);
+            let faces = if depth == 0.0 { 2 } else { triangles.len() };
+            let found = panes(&positions, &triangles[..faces]);
+            let [Ok(pane)] = &found[..] else { panic!("{found:?}") };
+            let outline = pane.outline.as_ref().unwrap();
+            assert_eq!(outline.len(), 4, "{outline:?}");
+            assert!((polygon_area(outline) - 0.3).abs() < 1e-9, "{outline:?}");
+        }
+    }
+
+    #[test]
+    fn a_shape_with_a_hole_is_refused() {
+        let square = |half: f64| [[-half, -half], [half, -half], [half, half], [-half, half]];
+        let corners = square(1.0).into_iter().chain(square(0.4));
+        let positions: Vec<DVec3> = corners.map(|[x, z]| DVec3::new(x, 0.0, z)).collect();
+        let ring = |index: u32| {
+            let next = (index + 1) % 4;
+            [[index, next, 4 + index], [next, 4 + next, 4 + index]]
+        };
+        let triangles: Vec<[u32; 3]> = (0..4).flat_map(ring).collect();
+        let reason = panes(&positions, &triangles)[0].clone().unwrap_err();
+        assert!(reason.contains("2 edges around it and in it"), "{reason}");
     }
 }

@@ -1,9 +1,11 @@
-//! Leaded windows in the openings of a building, in place of the rectangles that modellers put there.
+//! Leaded windows in the openings of a building, in place of the flat shapes that modellers put there.
 
 use std::collections::BTreeMap;
 
-use clerestory_glazing::{Arch, Bars, Filling, GlassPattern, Head, Lead, Opening, StoneSection, Tracery, WindowDesign};
-use glam::DVec3;
+use clerestory_glazing::{
+    Arch, Bars, DrawnOpening, Filling, GlassPattern, Head, Lead, Opening, StoneSection, Tracery, WindowDesign,
+};
+use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,8 +15,8 @@ use crate::scene::paint::PaintDescription;
 use crate::scene::window::{GlassDescription, OuterGlazing, WindowDescription, WindowExpansion, expand, paints};
 use crate::settings::{Check, JsonPath, SceneError};
 
-/// Makes leaded windows of flat rectangles and of thin closed boxes of an import. They have the members of the windows
-/// of a scene; their openings are the rectangles.
+/// Makes leaded windows of flat shapes and of thin closed bodies of an import. They have the members of the windows of a
+/// scene; their openings are the shapes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LeadingRule {
@@ -81,11 +83,11 @@ impl Default for FittedDesign {
 }
 
 impl FittedDesign {
-    /// The design in a rectangular opening of this size, metres; `number` makes it another than that of others.
-    fn within(&self, [width, height]: [f64; 2], number: u64) -> WindowDesign {
+    /// The design in an opening; `number` makes it another than that of others.
+    fn within(&self, opening: Opening, number: u64) -> WindowDesign {
         let Self { tracery, stone, filling, glass, lead, bars, tilt, thickness_variation, seed } = self.clone();
         WindowDesign {
-            opening: Opening::Arch(Arch { width, height, head: Head::Rectangle }),
+            opening,
             tracery,
             stone,
             filling,
@@ -128,11 +130,11 @@ impl LeadingRule {
         })
     }
 
-    /// What a window in a rectangle is made of.
+    /// What a window in a shape is made of.
     ///
     /// # Errors
     ///
-    /// Why it is none: the shape is no rectangle, or the design does not fit it.
+    /// Why the design does not fit it.
     pub(super) fn window_in(
         &self,
         name: String,
@@ -140,9 +142,6 @@ impl LeadingRule {
         number: u64,
         path: &JsonPath<'_>,
     ) -> Result<WindowExpansion, String> {
-        if fit.outline.is_some() {
-            return Err("its outline is no rectangle: an arch needs a window of the scene itself".to_owned());
-        }
         expand(&self.window(name, fit, number), path).map_err(|error| error.to_string())
     }
 
@@ -151,13 +150,22 @@ impl LeadingRule {
         // The height is what points upwards most.
         let tall = usize::from(fit.axes[1].z.abs() >= fit.axes[0].z.abs());
         let up = fit.axes[tall] * if fit.axes[tall].z < 0.0 { -1.0 } else { 1.0 };
-        let size = [fit.size[1 - tall], fit.size[tall]];
+        let [width, height] = [fit.size[1 - tall], fit.size[tall]];
+        let x_axis = up.cross(inwards);
+        let opening = match &fit.outline {
+            Some(outline) => {
+                let [x, y] = [x_axis, up].map(|axis| DVec2::new(fit.axes[0].dot(axis), fit.axes[1].dot(axis)));
+                let corners: Vec<DVec2> = outline.iter().map(|at| DVec2::new(at.dot(x), at.dot(y))).collect();
+                Opening::Drawn(DrawnOpening::around(&corners))
+            }
+            None => Opening::Arch(Arch { width, height, head: Head::Rectangle }),
+        };
         WindowDescription {
             name,
-            sill: (fit.centre - up * (0.5 * size[1])).to_array(),
-            x_axis: up.cross(inwards).to_array(),
+            sill: (fit.centre - up * (0.5 * height)).to_array(),
+            x_axis: x_axis.to_array(),
             y_axis: up.to_array(),
-            design: self.design.within(size, number),
+            design: self.design.within(opening, number),
             glass: self.glass.clone(),
             paint: self.paint.clone(),
             outer: self.outer.clone(),

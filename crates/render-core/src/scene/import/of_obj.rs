@@ -61,8 +61,15 @@ pub(super) fn expand(import: &ImportDescription, assets: &Assets) -> Result<Expa
             match found {
                 Some((library, material)) => ObjSurface::of(library, material, has_colours, assets, notes),
                 None => {
-                    let colour = if has_colours { "it has the colours of its vertices" } else { "it is grey" };
-                    notes.push(format!("{}: material {name} is not described: {colour}", files.file));
+                    let what = match (&part.material, has_colours) {
+                        (Some(name), true) => {
+                            format!("material {name} is not described: it has the colours of its vertices")
+                        }
+                        (Some(name), false) => format!("material {name} is not described: it is grey"),
+                        (None, true) => "some faces have no material, but the colours of their vertices".to_owned(),
+                        (None, false) => "some faces have no material: they are grey".to_owned(),
+                    };
+                    notes.push(format!("{}: {what}", files.file));
                     ObjSurface::unknown(has_colours)
                 }
             }

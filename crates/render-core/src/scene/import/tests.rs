@@ -1,7 +1,7 @@
 //! Files of other programs as things of a scene.
 
 use clerestory_film::counters::Counters;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use super::gltf::tests::builder::{Builder, F32, SQUARE, U16, floats, shorts};
@@ -11,7 +11,7 @@ use crate::document::{SceneBundle, SceneDescription};
 use crate::geometry::{Ray, SurfaceId};
 use crate::integrator::PreparedScene;
 use crate::light::{LightDescription, MeshLight};
-use crate::scene::description::{CameraDescription, MeshSource};
+use crate::scene::description::{CameraDescription, MeshSource, PaneDescription};
 use crate::scene::{Asset, Assets};
 use crate::settings::{JsonPath, SceneError};
 use crate::texture::picture_samples::encode_png;
@@ -203,6 +203,30 @@ fn a_flat_arch_becomes_a_pane_of_its_outline_with_a_rim_left_free() {
         hit.is_some()
     };
     assert!(is_glass(0.3, 0.97) && is_glass(0.02, 0.3) && !is_glass(0.005, 0.3) && !is_glass(0.05, 0.95));
+}
+
+#[test]
+fn a_shape_of_any_outline_becomes_a_leaded_window() {
+    // A lancet, and an arrow with a hollow edge.
+    let lancet = [[0.0, 0.0], [0.6, 0.0], [0.6, 0.5], [0.45, 0.9], [0.3, 1.0], [0.15, 0.9], [0.0, 0.5]];
+    let fan: Vec<[f32; 2]> = (1..6).flat_map(|corner| [lancet[0], lancet[corner], lancet[corner + 1]]).collect();
+    let arrow = [[0.0, 0.0], [1.0, 0.0], [0.3, 0.3], [0.0, 0.0], [0.3, 0.3], [0.0, 1.0]];
+    let design = json!({"filling": {"rectangles": {"width": 0.1, "height": 0.1}}, "lead": "none", "bars": "none"});
+    let rule = json!({"lead": [{"match": "Window", "design": design}]});
+    for (corners, area) in [(&fan[..], 0.495), (&arrow, 0.3)] {
+        let expansion = expanded(rule.clone(), &file(|builder| flat_shape(builder, corners)));
+        assert_eq!((expansion.leaded_windows, expansion.meshes.len()), (1, 0), "{:?}", expansion.unglazed);
+        let shoelace = |pane: &PaneDescription| {
+            let corners: Vec<DVec2> = pane.outline.iter().copied().map(DVec2::from).collect();
+            clerestory_glazing::area(&corners)
+        };
+        let glass: f64 = expansion.leaded.panes.iter().map(shoelace).sum();
+        assert!((glass / area - 1.0).abs() < 0.01, "{glass} of {area}");
+        for pane in &expansion.leaded.panes {
+            let at = DVec3::from(pane.centre);
+            assert!((-0.01..1.01).contains(&at.x) && (-0.01..1.01).contains(&at.z) && at.y.abs() < 0.01, "{at}");
+        }
+    }
 }
 
 #[test]

@@ -440,10 +440,7 @@ impl GlazeRule {
     fn pane(&self, name: String, fit: &PaneFit, number: u64) -> Result<PaneDescription, String> {
         let thickness = self.thickness.or(fit.thickness).unwrap_or(FLAT_THICKNESS);
         let [width, height] = fit.size.map(|edge| edge - 2.0 * self.inset);
-        let outline = match &fit.outline {
-            Some(outline) => inset_convex(outline, self.inset),
-            None => Vec::new(),
-        };
+        let outline = inset_convex(fit.convex_outline()?, self.inset);
         if fit.outline.is_some() && outline.is_empty() {
             return Err(format!("nothing is left of it {} m from its edges", self.inset));
         }

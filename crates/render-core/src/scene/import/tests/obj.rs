@@ -189,6 +189,9 @@ fn colours_of_vertices_multiply_what_is_matt() {
     let [scan, _] = middle(&text, "");
     assert!(scan.abs_diff_eq(DVec3::new(1.0, 0.5, 0.0), 1e-5), "{scan}");
     assert!(imported(&text, "", &[]).notes[0].contains("it has the colours of its vertices"));
+    let bare = |text: &str| imported(&text.replace("usemtl a\n", ""), "", &[]).notes[0].clone();
+    assert!(bare(&text).contains("some faces have no material, but the colours of their vertices"), "{}", bare(&text));
+    assert!(bare(SQUARE).contains("some faces have no material: they are grey"), "{}", bare(SQUARE));
 }
 
 #[test]
