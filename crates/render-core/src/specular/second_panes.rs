@@ -1,6 +1,8 @@
 //! The panes that stand close behind another, and what becomes of light there.
 
-use glam::{BVec3, DVec3};
+use std::collections::BTreeMap;
+
+use glam::DVec3;
 
 use super::side::PaneSide;
 use super::window::SourceBounds;
@@ -50,18 +52,13 @@ fn number(face: Face) -> usize {
 impl SecondPanes {
     pub(super) fn new(scene: &Scene) -> Self {
         let panes = scene.panes();
-        let boxes: Vec<[DVec3; 2]> = panes.iter().map(Pane::world_bounds).collect();
-        let index = BoxIndex::over(boxes.clone());
-        let longest = panes.iter().map(|pane| pane.size().max_element()).fold(0.0, f64::max);
-        let of_pane = |(number, pane): (usize, &Pane)| {
-            let z = pane.frame.vector_to_world(DVec3::Z);
-            [-1.0, 1.0].map(|towards_viewer: f64| {
-                let way = z * (-towards_viewer * MOST_APART * longest);
-                let [min, max] = boxes[number];
-                let mut behind: Option<Beyond> = None;
-                index.overlapping(&[min.min(min + way), max.max(max + way)], |other| {
-                    let second = &panes[other as usize];
-                    if other as usize != number && is_beyond(pane, second, -towards_viewer) {
+        let classes = SizeClass::of(panes);
+        let of_pane = |pane: &Pane| {
+            let mut behind: [Option<Beyond>; 2] = [None; 2];
+            for second in classes.iter().flat_map(|class| class.within_reach(pane)) {
+                let second = &panes[second as usize];
+                for near in [Face::Front, Face::Back] {
+                    if is_second(pane, near, second) {
                         let normals = [pane, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
                         let found = Beyond {
                             change: change(second),
@@ -69,14 +66,14 @@ impl SecondPanes {
                             thickness: second.thickness,
                             apart: reach(pane, second),
                         };
-                        behind = Some(behind.unwrap_or_default().or(&found));
+                        let behind = &mut behind[number(near)];
+                        *behind = Some(behind.unwrap_or_default().or(&found));
                     }
-                    true
-                });
-                behind
-            })
+                }
+            }
+            behind
         };
-        let behind: Vec<[Option<Beyond>; 2]> = panes.iter().enumerate().map(of_pane).collect();
+        let behind: Vec<[Option<Beyond>; 2]> = panes.iter().map(of_pane).collect();
         let trees = [Face::Front, Face::Back].map(|near| {
             let numbered = (0u32..).zip(panes).zip(&behind);
             let first = numbered.filter_map(|((index, pane), behind)| Some((index, pane, behind[number(near)]?)));
@@ -111,7 +108,7 @@ impl SecondPanes {
     /// What becomes of a ray that has come out of a pane and meets another; `None` where nothing comes through.
     pub(super) fn pass(
         scene: &Scene,
-        first: &Pane,
+        first: &PaneSide<'_>,
         ray: &Ray,
         ray_origin: SurfaceId,
         light: Polarisation,
@@ -120,7 +117,8 @@ impl SecondPanes {
         let hit = scene.accelerator().closest_hit(ray, f64::INFINITY, ray_origin, counters)?;
         let Surface::Pane { index, .. } = hit.surface else { return None };
         let pane = &scene.panes()[index as usize];
-        if scene.media().is_immersed(index) || hit.distance > reach(first, pane) {
+        let is_near = hit.distance <= reach(first.pane, pane);
+        if scene.media().is_immersed(index) || !is_near || !is_second(first.pane, first.near, pane) {
             return None;
         }
         if scene.blocked_by_light(ray, hit.distance, None) {
@@ -156,12 +154,12 @@ impl SecondPanes {
         let before = SpecularPath { links: first, last_direction: entering.direction, ..*path };
         let Some(pane) = coverage::through_one_pane(scene, point, &before) else { return false };
         let SurfaceId::Pane { index: second_pane, .. } = entering.surface else { return false };
-        let apart = reach(&scene.panes()[pane as usize], &scene.panes()[second_pane as usize]);
+        let [first_pane, second_pane] = [pane, second_pane].map(|index| &scene.panes()[index as usize]);
         let SurfaceId::Pane { face: near, .. } = first[0].surface else { return false };
         let between = ShadingPoint { position: leaving.position, ..*point };
         let behind = SpecularPath { links: second, ..*path };
-        self.behind(pane, near).is_some()
-            && leaving.position.distance(entering.position) <= apart
+        is_second(first_pane, near, second_pane)
+            && leaving.position.distance(entering.position) <= reach(first_pane, second_pane)
             && coverage::through_one_pane(scene, &between, &behind).is_some()
     }
 }
@@ -201,16 +199,59 @@ impl Beyond {
 /// Panes whose normals differ by no more than this chord stand parallel.
 const PARALLEL: f64 = 0.2;
 
-/// Whether a pane stands parallel to another and all of it is beyond that, towards the sign of its z. Pieces of glass
-/// beside each other, a little tilted, are not.
-fn is_beyond(first: &Pane, second: &Pane, sign: f64) -> bool {
-    let normals = [first, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
-    let across = normals[0].cross(normals[1]).length();
+/// Whether a pane counts as a second one for points on the side of `near` of the first: it stands parallel to that, and
+/// all of it is beyond. Pieces of glass beside each other, a little tilted, are not.
+fn is_second(first: &Pane, near: Face, second: &Pane) -> bool {
+    let [normal, other] = [first, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
+    if normal.cross(other).length() > PARALLEL {
+        return false;
+    }
+    let sign = match near {
+        Face::Front => 1.0,
+        Face::Back => -1.0,
+    };
     let [min, max] = second.local_bounds();
-    let corners = (0..8).map(|bits| DVec3::select(BVec3::new(bits & 1 > 0, bits & 2 > 0, bits & 4 > 0), max, min));
-    let height = |corner| first.frame.point_to_local(second.frame.point_to_world(corner)).z - 0.5 * first.thickness;
-    let lowest = corners.map(|corner| height(corner) * sign).fold(f64::INFINITY, f64::min);
-    across <= PARALLEL && lowest > 0.5 * first.thickness
+    let middle = first.frame.point_to_local(second.frame.point_to_world(0.5 * (min + max))).z - 0.5 * first.thickness;
+    let half_depth = second.frame.vector_to_local(normal).abs().dot(0.5 * (max - min));
+    sign * middle - half_depth > 0.5 * first.thickness
+}
+
+/// Panes of which the largest is at most twice as large as the smallest.
+struct SizeClass {
+    panes: Vec<u32>,
+    boxes: BoxIndex,
+    /// The longest edge of all, metres.
+    longest: f64,
+}
+
+impl SizeClass {
+    fn of(panes: &[Pane]) -> Vec<Self> {
+        let mut classes: BTreeMap<i32, Vec<u32>> = BTreeMap::new();
+        for (index, pane) in (0u32..).zip(panes) {
+            classes.entry(libm::ilogb(pane.size().max_element())).or_default().push(index);
+        }
+        let class = |numbers: Vec<u32>| {
+            let members = || numbers.iter().map(|&index| &panes[index as usize]);
+            Self {
+                boxes: BoxIndex::over(members().map(Pane::world_bounds).collect()),
+                longest: members().map(|pane| pane.size().max_element()).fold(0.0, f64::max),
+                panes: numbers,
+            }
+        };
+        classes.into_values().map(class).collect()
+    }
+
+    /// The panes that light may reach from a pane, without those for which it would be too far, and a few more.
+    fn within_reach(&self, pane: &Pane) -> Vec<u32> {
+        let reach = DVec3::splat(MOST_APART * self.longest.max(pane.size().max_element()));
+        let [min, max] = pane.world_bounds();
+        let mut found = Vec::new();
+        self.boxes.overlapping(&[min - reach, max + reach], |place| {
+            found.push(self.panes[place as usize]);
+            true
+        });
+        found
+    }
 }
 
 /// The largest change of the tangential part of a direction in a pane.

@@ -55,3 +55,40 @@ fn every_method_finds_light_through_a_window_and_the_pane_before_it() {
         }
     }
 }
+
+/// A floor lit by a low sun through a pane and, far to its side, an old one behind it. A small pane with this back, of
+/// which the floor in view sees nothing, is behind the first, too.
+fn floor_below_displaced_panes(small: &Value) -> Value {
+    let hammered = json!({"hammered": {"wavelength": 0.02, "amplitude": 0.0006, "seed": 3}});
+    let pane = |name: &str, centre: [f64; 3], edge: f64, back: &Value| {
+        json!({
+            "name": name, "centre": centre, "x_axis": [1, 0, 0], "y_axis": [0, 0, 1], "width": edge, "height": edge,
+            "thickness": 0.004, "front": "flat", "back": back
+        })
+    };
+    json!({
+        "version": 2, "name": "floor", "film": {"width": EDGE, "height": EDGE},
+        "camera": {"orthographic": {
+            "position": [-1.87, -1.5, 0.6], "look_at": [-1.87, -1.5, 0], "up": [0, 1, 0], "height": 0.9}},
+        "integrator": "cone", "path_filter": "D TTTT L",
+        "sampling": {"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES},
+        "materials": {"floor": {"diffuse": {"reflectance": {"colour": [REFLECTANCE, REFLECTANCE, REFLECTANCE]}}}},
+        "meshes": [{"name": "floor", "material": "floor", "source": square(4.0, 0.0)}],
+        "panes": [
+            pane("first", [0.0, 0.0, 1.0], 0.1, &json!("flat")),
+            pane("small", [-0.03, 0.06, 0.962], 0.02, small),
+            pane("old", [0.202, 0.06, 1.0], 0.3, &hammered)
+        ],
+        "lights": [{"sun": {
+            "name": "sun", "direction": [0.75, 0.6, 0.4], "angular_radius": 0.5, "radiance": [1000, 1000, 1000]}}]
+    })
+}
+
+#[test]
+fn light_is_found_through_panes_at_an_angle_whatever_else_is_behind_the_first() {
+    let hammered = json!({"hammered": {"wavelength": 0.02, "amplitude": 0.0006, "seed": 3}});
+    let [(one, error), (other, other_error)] =
+        [json!("flat"), hammered].map(|small| mean(&floor_below_displaced_panes(&small)));
+    let error = error.hypot(other_error);
+    assert!((one - other).abs() < 4.0 * error && error < 0.2 * one, "{one} and {other} +- {error}");
+}
