@@ -4,10 +4,12 @@
 //! lines that meet by design leave no slivers. Lines with a loose end are dropped up to their last crossing.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 
 use glam::DVec2;
 
-use crate::grid::{Segments, VertexGrid};
+use crate::filling::MAX_PIECES;
+use crate::grid::{SegmentTree, VertexGrid, near_pairs};
 use crate::polygon;
 
 /// An edge between two vertices, and the line that it is a part of.
@@ -30,8 +32,9 @@ pub(crate) struct Arrangement {
 }
 
 impl Arrangement {
-    /// The arrangement of polylines. Where two of them run along each other, the edge belongs to the first.
-    pub(crate) fn new(lines: &[Vec<DVec2>], tolerance: f64) -> Self {
+    /// The arrangement of polylines. Where two of them run along each other, the edge belongs to the first. `None` where
+    /// they meet more often than those of a window do.
+    pub(crate) fn new(lines: &[Vec<DVec2>], tolerance: f64) -> Option<Self> {
         let mut vertices = VertexGrid::new(tolerance);
         let mut segments = Vec::new();
         for (line, points) in lines.iter().enumerate() {
@@ -40,11 +43,11 @@ impl Arrangement {
                 ends.windows(2).filter(|pair| pair[0] != pair[1]).map(|pair| Edge { ends: [pair[0], pair[1]], line }),
             );
         }
-        let splits = splits(&segments, &mut vertices, tolerance);
+        let splits = splits(&segments, &mut vertices, tolerance)?;
         let vertices = vertices.into_points();
         let edges = without_loose_ends(edges(&segments, splits, &vertices), vertices.len());
         let (faces, rims) = walks(&edges, &vertices);
-        Self { vertices, edges, faces, rims }
+        Some(Self { vertices, edges, faces, rims })
     }
 
     /// The corners of a face or a rim.
@@ -57,15 +60,18 @@ impl Arrangement {
     pub(crate) fn ties(&self) -> Vec<Vec<DVec2>> {
         // The outermost part has the first line.
         let outermost = self.edges.first().map(|edge| edge.ends[0]);
+        let ends = |edge: &Edge| edge.ends.map(|end| self.vertices[end]);
+        let tree = SegmentTree::new(&self.edges.iter().map(ends).collect::<Vec<_>>(), 0.0);
         let mut ties = Vec::new();
         for rim in self.rims.iter().filter(|rim| outermost.is_none_or(|vertex| !rim.contains(&vertex))) {
             for direction in [DVec2::NEG_X, DVec2::X, DVec2::NEG_Y, DVec2::Y] {
                 let along = |vertex: usize| self.vertices[vertex].dot(direction);
                 let Some(&vertex) = rim.iter().max_by(|a, b| along(**a).total_cmp(&along(**b))) else { continue };
                 let from = self.vertices[vertex];
-                let reach = (self.edges.iter())
+                let reach = (tree.near([from, from + direction * FARTHEST], 0.0))
+                    .map(|edge| &self.edges[edge])
                     .filter(|edge| !edge.ends.contains(&vertex))
-                    .filter_map(|edge| reach(from, direction, edge.ends.map(|end| self.vertices[end])))
+                    .filter_map(|edge| reach(from, direction, ends(edge)))
                     .fold(f64::INFINITY, f64::min);
                 if reach.is_finite() {
                     ties.push(vec![from, from + direction * reach]);
@@ -75,6 +81,9 @@ impl Arrangement {
         ties
     }
 }
+
+/// Longer than any window, metres.
+const FARTHEST: f64 = 1e4;
 
 /// How far a ray along an axis runs until it meets a segment.
 fn reach(from: DVec2, direction: DVec2, [start, end]: [DVec2; 2]) -> Option<f64> {
@@ -88,20 +97,29 @@ fn reach(from: DVec2, direction: DVec2, [start, end]: [DVec2; 2]) -> Option<f64>
 /// Segments at a smaller angle run along each other: they meet in ends only, radians.
 const PARALLEL: f64 = 1e-9;
 
-/// The vertices on each segment, besides its ends, with the part of its length at which they lie.
-fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Vec<Vec<(f64, usize)>> {
+/// Most vertices on segments.
+const MAX_SPLITS: usize = 10 * MAX_PIECES;
+
+/// The vertices on each segment, besides its ends, with the part of its length at which they lie; `None` where there are
+/// too many.
+fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Option<Vec<Vec<(f64, usize)>>> {
     let mut splits = vec![Vec::new(); segments.len()];
+    let mut count = 0;
     let ends = |index: usize, vertices: &VertexGrid| segments[index].ends.map(|end| vertices.point(end));
     let all: Vec<[DVec2; 2]> = (0..segments.len()).map(|index| ends(index, vertices)).collect();
-    for [first, second] in Segments::new(&all, tolerance).near_pairs() {
+    let is_complete = near_pairs(&all, tolerance, |[first, second]| {
         let ([a, b], [c, d]) = (all[first], all[second]);
+        let mut split = |on: usize, place: f64, vertex: usize| {
+            splits[on].push((place, vertex));
+            count += 1;
+        };
         // Ends on the other segment. Segments along each other meet in nothing else.
         for (on, [from, to], of) in [(first, [a, b], second), (second, [c, d], first)] {
             for end in segments[of].ends.into_iter().filter(|end| !segments[on].ends.contains(end)) {
                 let point = vertices.point(end);
                 let foot = polygon::nearest(from, to, point);
                 if foot.distance(point) <= tolerance {
-                    splits[on].push(((foot - from).length(), end));
+                    split(on, (foot - from).length(), end);
                 }
             }
         }
@@ -116,12 +134,13 @@ fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Vec<V
             let vertex = vertices.insert(point);
             for (on, from) in [(first, a), (second, c)] {
                 if !segments[on].ends.contains(&vertex) {
-                    splits[on].push(((point - from).length(), vertex));
+                    split(on, (point - from).length(), vertex);
                 }
             }
         }
-    }
-    splits
+        if count > MAX_SPLITS { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    is_complete.then_some(splits)
 }
 
 /// The edges into which segments are cut. Edges between the same vertices are one, of the first line.
@@ -234,7 +253,7 @@ mod tests {
             points(&[[0.0, 1.0], [3.0, 1.0]]),
             points(&[[2.0, 1.0], [2.0, 2.0]]),
         ];
-        let arrangement = Arrangement::new(&lines, 1e-6);
+        let arrangement = Arrangement::new(&lines, 1e-6).unwrap();
         assert_eq!(arrangement.faces.len(), 5);
         assert!((area(&arrangement) - 6.0).abs() < 1e-12);
         assert_eq!(arrangement.rims.len(), 1);
@@ -249,7 +268,7 @@ mod tests {
             points(&[[0.0, 2.0], [3.0, 0.0]]),
             points(&[[1.5 + 1e-9, 0.0], [1.5, 2.0]]),
         ];
-        let arrangement = Arrangement::new(&lines, 1e-6);
+        let arrangement = Arrangement::new(&lines, 1e-6).unwrap();
         assert_eq!((arrangement.faces.len(), arrangement.vertices.len()), (6, 7));
     }
 
@@ -261,7 +280,7 @@ mod tests {
             points(&[[1.0, 0.5], [1.0, 1.5]]),
             points(&[[0.0, 1.0], [1.7, 1.0]]),
         ];
-        let arrangement = Arrangement::new(&lines, 1e-6);
+        let arrangement = Arrangement::new(&lines, 1e-6).unwrap();
         assert_eq!(arrangement.faces.len(), 3);
         let ends: Vec<_> = arrangement
             .edges
@@ -279,10 +298,10 @@ mod tests {
     fn a_part_that_touches_no_other_is_tied() {
         let island = points(&[[1.0, 1.0], [1.5, 0.6], [2.0, 1.0], [1.5, 1.4], [1.0, 1.0]]);
         let mut lines = vec![frame(), island];
-        let ties = Arrangement::new(&lines, 1e-6).ties();
+        let ties = Arrangement::new(&lines, 1e-6).unwrap().ties();
         assert_eq!(ties.len(), 4);
         lines.extend(ties);
-        let tied = Arrangement::new(&lines, 1e-6);
+        let tied = Arrangement::new(&lines, 1e-6).unwrap();
         assert!(tied.ties().is_empty());
         assert_eq!(tied.faces.len(), 5);
         assert!((area(&tied) - 6.0).abs() < 1e-12);

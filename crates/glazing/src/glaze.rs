@@ -7,7 +7,7 @@ use glam::DVec2;
 use crate::arrangement::Arrangement;
 use crate::convex::{ConvexParts, CutTests};
 use crate::error::GlazingError;
-use crate::filling::{Cell, CellGlass, Filling, Layout, Region};
+use crate::filling::{Cell, CellGlass, Filling, Layout, MAX_PIECES, Region};
 use crate::glass::{GlassPattern, PatternPlace};
 use crate::grid::VertexGrid;
 use crate::lead::Cames;
@@ -63,14 +63,14 @@ impl Glazier<'_> {
         let Layout { lines, locate, tolerance } = self.filling.lay_out(region, "filling")?;
         let border = edge.iter().chain(edge.first()).copied().collect();
         let mut lines: Vec<Vec<DVec2>> = [border].into_iter().chain(lines).collect();
-        let mut arrangement = Arrangement::new(&lines, tolerance);
+        let mut arrangement = Arrangement::new(&lines, tolerance).ok_or_else(crowded)?;
         for _ in 0..MAX_TIES {
             let ties = arrangement.ties();
             if ties.is_empty() {
                 break;
             }
             lines.extend(ties);
-            arrangement = Arrangement::new(&lines, tolerance);
+            arrangement = Arrangement::new(&lines, tolerance).ok_or_else(crowded)?;
         }
         let hidden = self.cames.map_or(0.0, Cames::hidden);
         let mut lead = LeadLines::new(self.cames);
@@ -155,6 +155,11 @@ impl Glazier<'_> {
 fn uncut(at: DVec2) -> GlazingError {
     let found = format!("a piece around {at:.3} metres that touches itself or is too intricate");
     GlazingError::new("filling", found, "pieces that lead lines can cut into convex ones")
+}
+
+fn crowded() -> GlazingError {
+    let expected = format!("fewer: a window has at most {MAX_PIECES} pieces");
+    GlazingError::new("filling", "lines that cross each other millions of times", expected)
 }
 
 /// Collects the cames and joints of a light.

@@ -1,8 +1,10 @@
-//! Grids that find what is near: vertices by their place, and pairs of segments.
+//! What is near: vertices by their place, and pairs of segments.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 
 use glam::DVec2;
+use rstar::{AABB, RTree, RTreeObject};
 
 use crate::polygon;
 
@@ -53,64 +55,81 @@ impl VertexGrid {
     }
 }
 
-/// A grid of square cells with the segments that pass through each.
-pub(crate) struct Segments {
-    /// The row, column and segment of every passage, in order.
-    passages: Vec<(i64, i64, usize)>,
+/// Segments by their bounding boxes.
+pub(crate) struct SegmentTree {
+    tree: RTree<Numbered>,
 }
 
-impl Segments {
-    /// The grid of segments, each widened by a tolerance.
+/// A bounding box with the number of what it holds.
+struct Numbered {
+    bounds: AABB<[f64; 2]>,
+    number: usize,
+}
+
+impl RTreeObject for Numbered {
+    type Envelope = AABB<[f64; 2]>;
+
+    fn envelope(&self) -> Self::Envelope {
+        self.bounds
+    }
+}
+
+impl SegmentTree {
+    /// The tree of segments, each widened by a tolerance.
     pub(crate) fn new(segments: &[[DVec2; 2]], tolerance: f64) -> Self {
-        let corners: Vec<DVec2> = segments.iter().flatten().copied().collect();
-        let [low, high] = polygon::bounds(&corners);
-        let extent = (high - low).max(DVec2::splat(1e-6));
-        // About one cell for each segment.
-        let cell = (extent.x * extent.y / (segments.len().max(1) as f64)).sqrt().max(extent.max_element() / 4096.0);
-        let index = |value: f64, low: f64| ((value - low) / cell).floor() as i64;
-        let mut passages = Vec::new();
-        for (segment, &[from, to]) in segments.iter().enumerate() {
-            let [lowest, highest] = [from.min(to) - tolerance, from.max(to) + tolerance];
-            for column in index(lowest.x, low.x)..=index(highest.x, low.x) {
-                // The heights at which the segment passes the column.
-                let borders = [column, column + 1].map(|border| low.x + border as f64 * cell);
-                let slope = (to.y - from.y) / (to.x - from.x);
-                let [first, last] = if slope.is_finite() {
-                    let height = |x: f64| from.y + slope * (x.clamp(from.x.min(to.x), from.x.max(to.x)) - from.x);
-                    let heights = [height(borders[0] - tolerance), height(borders[1] + tolerance)];
-                    [heights[0].min(heights[1]) - tolerance, heights[0].max(heights[1]) + tolerance]
-                } else {
-                    [lowest.y, highest.y]
-                };
-                passages.extend((index(first, low.y)..=index(last, low.y)).map(|row| (row, column, segment)));
-            }
-        }
-        passages.sort_unstable();
-        Self { passages }
+        let numbered = |(number, &segment): (usize, &[DVec2; 2])| Numbered { bounds: around(segment, tolerance), number };
+        Self { tree: RTree::bulk_load(segments.iter().enumerate().map(numbered).collect()) }
     }
 
-    /// All pairs of segments that share a cell, the lower number first.
-    pub(crate) fn near_pairs(&self) -> Vec<[usize; 2]> {
-        let mut pairs = Vec::new();
-        for cell in self.passages.chunk_by(|first, second| (first.0, first.1) == (second.0, second.1)) {
-            for (index, &(.., first)) in cell.iter().enumerate() {
-                pairs.extend(cell[index + 1..].iter().map(|&(.., second)| [first, second]));
-            }
-        }
-        pairs.sort_unstable();
-        pairs.dedup();
-        pairs
+    /// The numbers of the segments whose bounding boxes meet that of another one, in no particular order.
+    pub(crate) fn near(&self, segment: [DVec2; 2], tolerance: f64) -> impl Iterator<Item = usize> + '_ {
+        self.tree.locate_in_envelope_intersecting(around(segment, tolerance)).map(|other| other.number)
     }
+}
+
+/// The bounding box of a segment that is widened by a tolerance.
+fn around([from, to]: [DVec2; 2], tolerance: f64) -> AABB<[f64; 2]> {
+    AABB::from_corners((from.min(to) - tolerance).to_array(), (from.max(to) + tolerance).to_array())
+}
+
+/// Most pairs of segments that are looked at, a second or so.
+const MAX_PAIRS: usize = 1 << 25;
+
+/// Visits the pairs of segments that may be within a tolerance of each other, the lower number first, in ascending
+/// order, as long as `visit` goes on. Says whether it has visited all.
+pub(crate) fn near_pairs(
+    segments: &[[DVec2; 2]],
+    tolerance: f64,
+    mut visit: impl FnMut([usize; 2]) -> ControlFlow<()>,
+) -> bool {
+    let tree = SegmentTree::new(segments, tolerance);
+    let mut left = MAX_PAIRS;
+    for (first, &segment) in segments.iter().enumerate() {
+        let mut near: Vec<usize> = tree.near(segment, tolerance).filter(|&second| second > first).collect();
+        if near.len() > left {
+            return false;
+        }
+        left -= near.len();
+        near.sort_unstable();
+        if near.into_iter().any(|second| visit([first, second]).is_break()) {
+            return false;
+        }
+    }
+    true
 }
 
 /// A point where a polygon crosses itself.
 pub(crate) fn crossing(corners: &[DVec2]) -> Option<DVec2> {
     let segments: Vec<[DVec2; 2]> = polygon::edges(corners).collect();
-    let crosses = |[first, second]: [usize; 2]| {
+    let mut found = None;
+    near_pairs(&segments, 1e-9, |[first, second]| {
         let ([a, b], [c, d]) = (segments[first], segments[second]);
         let side = |from: DVec2, to: DVec2, point: DVec2| (to - from).perp_dot(point - from);
-        let is_crossed = side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0;
-        is_crossed.then(|| a + (b - a) * ((c - a).perp_dot(d - c) / (b - a).perp_dot(d - c)))
-    };
-    Segments::new(&segments, 1e-9).near_pairs().into_iter().find_map(crosses)
+        if side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0 {
+            found = Some(a + (b - a) * ((c - a).perp_dot(d - c) / (b - a).perp_dot(d - c)));
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    });
+    found
 }

@@ -55,8 +55,8 @@ const MAX_DRAWN: usize = 5000;
 /// Outlines that are drawn this near to each other are meant to be one line, metres.
 const DRAWN: f64 = 0.0004;
 
-/// Most pairs of corners of pieces that overlap, a second or so.
-const MAX_WORK: usize = 1 << 26;
+/// Most comparisons of lines with corners of pieces that may hide them, some seconds.
+const MAX_WORK: usize = 1 << 28;
 
 /// The outline of a piece in window coordinates.
 struct Shape {
@@ -96,11 +96,17 @@ impl Drawn {
     }
 }
 
-/// The parts of lines that no shape hides.
-fn visible<'a>(segments: Vec<[DVec2; 2]>, shapes: impl IntoIterator<Item = &'a Shape>) -> Vec<[DVec2; 2]> {
+/// The parts of lines that no shape hides; `None` where finding them takes more work than is left.
+fn visible<'a>(
+    segments: Vec<[DVec2; 2]>,
+    shapes: impl IntoIterator<Item = &'a Shape>,
+    work_left: &mut usize,
+) -> Option<Vec<[DVec2; 2]>> {
     let mut left = segments;
     for shape in shapes {
-        if left.iter().any(|&segment| shape.is_near(segment)) {
+        let near = left.iter().filter(|segment| shape.is_near(**segment)).count();
+        *work_left = work_left.checked_sub(left.len() + near * shape.corners.len())?;
+        if near > 0 {
             left = (left.into_iter())
                 .flat_map(|segment| {
                     let [from, to] = segment;
@@ -113,7 +119,12 @@ fn visible<'a>(segments: Vec<[DVec2; 2]>, shapes: impl IntoIterator<Item = &'a S
                 .collect();
         }
     }
-    left
+    Some(left)
+}
+
+fn overlapping(path: String) -> GlazingError {
+    let expected = format!("pieces that overlap less: a window has at most {MAX_PIECES} pieces");
+    GlazingError::new(path, "a piece under many", expected)
 }
 
 impl FillingShape for Drawn {
@@ -153,18 +164,15 @@ impl FillingShape for Drawn {
     fn lay_out<'a>(&'a self, region: Region<'_>, path: &str) -> Result<Layout<'a>, GlazingError> {
         let shapes = self.shapes(region.upper_left, path)?;
         let mut lines = Vec::new();
-        let mut work = 0;
+        let mut work_left = MAX_WORK;
         for (index, shape) in shapes.iter().enumerate() {
-            let hiding: Vec<&Shape> = shapes[index + 1..].iter().filter(|other| other.is_near(shape.bounds)).collect();
-            work += hiding.iter().map(|other| shape.corners.len() * other.corners.len()).sum::<usize>();
-            if work > MAX_WORK {
-                let expected = "pieces that overlap less, or with fewer corners";
-                return Err(GlazingError::new(format!("{path}.pieces[{index}].path"), "a piece under many", expected));
-            }
+            let hiding = shapes[index + 1..].iter().filter(|other| other.is_near(shape.bounds));
             let inside = polygon::edges(&shape.corners)
                 .flat_map(|[from, to]| polygon::clip_segment(region.polygon, from, to))
                 .collect();
-            lines.extend(polygon::joined(visible(inside, hiding)));
+            let visible = visible(inside, hiding, &mut work_left)
+                .ok_or_else(|| overlapping(format!("{path}.pieces[{index}].path")))?;
+            lines.extend(polygon::joined(visible));
         }
         if lines.len() > 4 * MAX_PIECES {
             let found = format!("{} pieces", self.pieces.len());
@@ -177,7 +185,9 @@ impl FillingShape for Drawn {
         let ground = self.ground.lay_out(region, &join(path, "ground"))?;
         for line in ground.lines {
             let segments = line.windows(2).map(|ends| [ends[0], ends[1]]).collect();
-            lines.extend(polygon::joined(visible(segments, &shapes)));
+            let visible = visible(segments, &shapes, &mut work_left)
+                .ok_or_else(|| overlapping(join(path, "pieces")))?;
+            lines.extend(polygon::joined(visible));
         }
         let locate = move |point: DVec2| {
             let Some(index) = shapes.iter().rposition(|shape| shape.contains(point)) else {

@@ -185,6 +185,37 @@ fn more_pieces_than_a_window_may_have_are_refused() {
 }
 
 #[test]
+fn a_crowd_of_drawn_pieces_in_a_corner_is_planned() {
+    let disc = |index: usize| {
+        let (x, y) = (100 + 2 * (index % 50), 100 + 2 * (index / 50));
+        json!({ "path": format!("M {x} {y} a .8 .8 0 0 0 1.6 0 a .8 .8 0 0 0 -1.6 0 Z"), "glass": "red" })
+    };
+    let mut value = window();
+    value["opening"]["arch"] = json!({ "width": 30, "height": 30 });
+    value["lead"] = json!("none");
+    value["filling"] = json!({ "drawn": { "pieces": (0..2500).map(disc).collect::<Vec<_>>() } });
+    let plan = read(value).plan().unwrap();
+    assert!(plan.pieces.len() >= 2500, "{}", plan.pieces.len());
+}
+
+#[test]
+fn drawn_lines_that_cross_all_others_are_refused() {
+    let slat = |index: u32| {
+        let (x, y) = (10.0 + 0.3 * f64::from(index / 2), 1800.0 - 0.3 * f64::from(index / 2));
+        let path = if index.is_multiple_of(2) {
+            format!("M {x} 900 h .15 v 950 h -.15 Z")
+        } else {
+            format!("M 5 {y} v .15 h 590 v -.15 Z")
+        };
+        json!({ "path": path, "glass": "red" })
+    };
+    let mut value = window();
+    value["filling"] = json!({ "drawn": { "pieces": (0..3800).map(slat).collect::<Vec<_>>() } });
+    let error = read(value).plan().unwrap_err();
+    assert!(error.path.starts_with("filling") && error.expected.contains("100000"), "{error}");
+}
+
+#[test]
 fn wrong_drawings_are_refused_at_their_piece() {
     for (path, expected) in [
         ("", "around at least"),
