@@ -56,6 +56,21 @@ pub(crate) fn filling(name: &str, quarry: Option<Quarry>) -> Option<Filling> {
     })
 }
 
+/// Refuses a size of quarries that a filling has not.
+///
+/// # Errors
+///
+/// What is wrong.
+pub(crate) fn check_quarry(name: &str, quarry: Option<Quarry>) -> Result<(), String> {
+    match (name, quarry) {
+        ("plain", Some(_)) => Err("plain lights have no quarries, so no size of them".to_owned()),
+        ("roundels", Some(Quarry([width, height]))) if width != height => {
+            Err(format!("found {width}x{height}, expected one number, the diameter of the roundels"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// How sheets of old glass were made, by name.
 pub(crate) const SHEETS: [&str; 5] = ["crown", "cylinder", "hammered", "bullion", "flat"];
 

@@ -12,7 +12,7 @@ pub(crate) const WAY_OUT: &str = "a machine with more memory";
 /// Tells of each step before it begins.
 pub(crate) fn build(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<PreparedScene, SceneError> {
     if let Some(memory) = machine_memory() {
-        bundle.memory().check(memory, WAY_OUT)?;
+        bundle.memory()?.check(memory, WAY_OUT)?;
     }
     PreparedScene::build_step_by_step(bundle, begin)
 }

@@ -10,7 +10,7 @@ use clerestory_render_core::scene::import::{
 };
 use serde_json::json;
 
-use crate::leading_options::{FILLINGS, SHEETS, colours, filling, kinds, mixed};
+use crate::leading_options::{FILLINGS, SHEETS, check_quarry, colours, filling, kinds, mixed};
 
 /// Options for glTF and OBJ files.
 #[derive(Clone, Debug, Default, Args)]
@@ -146,6 +146,7 @@ fn leaded(pattern: &str, name: &str, settings: &[(&str, &str)]) -> Result<Leadin
             }
         }
     }
+    check_quarry(name, quarry).map_err(|error| format!("quarry: {error}"))?;
     rule.design.glass = mixed(&names);
     rule.glass = kinds(&names, sheet);
     rule.design.filling = filling(name, quarry).unwrap_or_default();
@@ -203,6 +204,8 @@ mod tests {
             ("Window*=diamonds,sheet=float", "one of crown, cylinder"),
             ("Window*=diamonds,quarry=0", "metres such as 0.1x0.15"),
             ("Window*=diamonds,colour=#ffffff", "quarry=, glass="),
+            ("Window*=plain,quarry=0.1", "no quarries"),
+            ("Window*=roundels,quarry=0.1x0.2", "the diameter"),
             ("Window*=flat,thickness=-1", "more than 0"),
             ("Window*=flat,colour=red", "#d8e8d0"),
             ("Window*=flat,tint=#ffffff", "thickness="),

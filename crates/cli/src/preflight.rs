@@ -25,7 +25,7 @@ impl Preflight {
 
     fn within(machine: Option<u64>, bundle: &SceneBundle) -> Result<Self, SceneError> {
         let activity = Activity::begin("Building the scene");
-        let memory = bundle.memory();
+        let memory = bundle.memory()?;
         memory.check_counts()?;
         if let Some(Err(error)) = machine.map(|machine| memory.check(machine, WAY_OUT)) {
             activity.done("The scene is counted");

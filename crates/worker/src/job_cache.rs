@@ -307,7 +307,7 @@ fn bundle(
     if found != order.scene_hash {
         return Err(PlanError::WrongScene { found, expected: order.scene_hash.clone() });
     }
-    let memory = bundle.memory();
+    let memory = bundle.memory().map_err(PlanError::Scene)?;
     memory.check_counts().map_err(PlanError::Scene)?;
     if let Some(limit) = limit {
         memory.check(limit.bytes, limit.way_out).map_err(PlanError::TooLarge)?;

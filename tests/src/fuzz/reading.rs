@@ -37,7 +37,7 @@ pub fn read(case: &Case, folder: &Path) -> Result<(), String> {
     } else {
         around(case)?
     };
-    let memory = bundle.memory();
+    let memory = bundle.memory().map_err(|error| error.to_string())?;
     memory.check(MEMORY, "a larger machine").map_err(|error| error.to_string())?;
     PreparedScene::build(&bundle).map(drop).map_err(|error| error.to_string())
 }

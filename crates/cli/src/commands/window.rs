@@ -13,7 +13,7 @@ use clerestory_render_core::scene::window::{GlassDescription, OuterGlazing, Wind
 use clerestory_render_core::settings::JsonPath;
 
 use crate::failure::Failure;
-use crate::leading_options::{FILLINGS, Quarry, SHEETS, colours, filling, kinds, mixed};
+use crate::leading_options::{FILLINGS, Quarry, SHEETS, check_quarry, colours, filling, kinds, mixed};
 use crate::numbers::whole;
 use crate::output::print_line;
 use crate::output_file::{check_outputs, write};
@@ -95,6 +95,7 @@ impl WindowArguments {
             let message = "--tracery: a single light has none; expected --lights 2 or more beside it";
             return Err(Failure::Usage(message.to_owned()));
         }
+        check_quarry(&self.filling, self.quarry).map_err(|error| Failure::Usage(format!("--quarry: {error}")))?;
         let usual = window_scene(self.window()).map_err(unusable)?;
         let scene = apply(&self.set, &usual).map_err(|error| Failure::Usage(format!("--set {error}")))?;
         // The room follows the window as it has become.

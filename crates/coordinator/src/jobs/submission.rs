@@ -189,7 +189,7 @@ impl Submissions {
         let room = self.memory.for_scene(asset_bytes).await?;
         let bundle = self.read(description, named).await?;
         blocking(move || {
-            bundle.memory().check_counts()?;
+            bundle.memory()?.check_counts()?;
             Ok((bundle, room))
         })
         .await

@@ -62,12 +62,14 @@ impl SceneBundle {
         Scene::build(self.description.expanded(&self.assets)?.parts(), &self.assets, &mut |_| ())
     }
 
-    /// What the scene is made of, and how much memory that takes. Imports that cannot be read count as nothing:
-    /// building them says what is wrong.
-    pub fn memory(&self) -> SceneMemory {
-        let expanded = self.description.expanded(&self.assets);
-        let description = expanded.as_deref().unwrap_or(&self.description);
-        SceneMemory::of(description.parts(), &self.assets)
+    /// What the scene is made of, and how much memory that takes.
+    ///
+    /// # Errors
+    ///
+    /// When an import or a window of the scene makes no sense.
+    pub fn memory(&self) -> Result<SceneMemory, SceneError> {
+        let expanded = self.description.expanded(&self.assets)?;
+        Ok(SceneMemory::of(expanded.parts(), &self.assets))
     }
 
     /// The identity of the scene: everything that can change a pixel goes into it, and no white space or order of

@@ -5,10 +5,12 @@ use std::collections::BTreeSet;
 
 use super::SceneDescription;
 use crate::light::LightDescription;
-use crate::scene::Assets;
+use crate::scene::{Assets, BuildStep};
 use crate::scene::import::{Expansion, expand};
 use crate::scene::painting::take_paint;
 use crate::scene::window::{self, WindowExpansion};
+use crate::settings::check::Quoted;
+use crate::settings::limits::MAX_PANES;
 use crate::settings::{JsonPath, SceneError};
 
 /// Most notes on the imports of a scene. Those beyond are counted in the last one.
@@ -34,12 +36,28 @@ impl SceneDescription {
     ///
     /// As [`Self::expanded`].
     pub fn expanded_with_notes(&self, assets: &Assets) -> Result<(Cow<'_, Self>, Vec<String>), SceneError> {
+        self.expanded_step_by_step(assets, &mut |_| ())
+    }
+
+    /// The same. Tells of each step before it begins.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::expanded`].
+    pub(crate) fn expanded_step_by_step(
+        &self,
+        assets: &Assets,
+        begin: &mut dyn FnMut(BuildStep<'_>),
+    ) -> Result<(Cow<'_, Self>, Vec<String>), SceneError> {
         if self.is_expanded() {
             return Ok((Cow::Borrowed(self), Vec::new()));
         }
         let mut scene = self.clone();
         let own: BTreeSet<&str> = self.lights.iter().filter_map(|light| light.mesh()).collect();
         let mut notes = Vec::new();
+        if !self.imports.is_empty() {
+            begin(BuildStep::Imports { count: self.imports.len() });
+        }
         for (index, import) in std::mem::take(&mut scene.imports).iter().enumerate() {
             let root = JsonPath::Root;
             let imports = root.member("imports");
@@ -49,15 +67,17 @@ impl SceneDescription {
             scene.materials.extend(materials);
             scene.meshes.extend(meshes);
             scene.panes.extend(panes);
-            scene.add_window(leaded);
+            scene.add_window(leaded, &imports.element(index))?;
             // A light of the scene itself takes the place of one that the file makes of the same mesh.
             let is_own = |light: &LightDescription| light.mesh().is_some_and(|mesh| own.contains(mesh));
             scene.lights.extend(lights.into_iter().filter(|light| !is_own(light)));
         }
         for (index, window) in std::mem::take(&mut scene.windows).iter().enumerate() {
+            begin(BuildStep::Windows { done: index, count: self.windows.len() });
             let root = JsonPath::Root;
             let windows = root.member("windows");
-            scene.add_window(window::expand(window, &windows.element(index))?);
+            let path = windows.element(index);
+            scene.add_window(window::expand(window, &path)?, &path)?;
         }
         for (mesh, material) in take_paint(&mut scene.panes, &scene.sheets) {
             scene.materials.entry(mesh.material.clone()).or_insert(material);
@@ -67,14 +87,26 @@ impl SceneDescription {
         Ok((Cow::Owned(scene), bounded(notes)))
     }
 
-    fn add_window(&mut self, window: WindowExpansion) {
+    /// Adds what a window at `path` is made of.
+    fn add_window(&mut self, window: WindowExpansion, path: &JsonPath<'_>) -> Result<(), SceneError> {
         let WindowExpansion { materials, meshes, sheets, panes } = window;
+        let count = self.panes.len() + panes.len();
+        if count > MAX_PANES {
+            let found = format!("a window with which there are {count} panes");
+            let expected = format!("larger pieces or fewer windows: a scene has at most {MAX_PANES} panes");
+            return Err(SceneError::value(path, found, expected));
+        }
+        if let Some(name) = sheets.keys().find(|name| self.sheets.contains_key(*name)) {
+            let found = format!("a name with which a sheet of it is called {}, as another one", Quoted(name));
+            return Err(SceneError::value(&path.member("name"), found, "another name"));
+        }
         for (name, material) in materials {
             self.materials.entry(name).or_insert(material);
         }
         self.sheets.extend(sheets);
         self.meshes.extend(meshes);
         self.panes.extend(panes);
+        Ok(())
     }
 
     /// Whether all of its things stand in the file: there are no imports, windows or painted panes.

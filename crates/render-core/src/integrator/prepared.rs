@@ -50,13 +50,7 @@ impl PreparedScene {
         let file = bundle.description();
         let path_filter = file.compiled_path_filter()?;
         let sampling = sampling(file)?;
-        if !file.imports.is_empty() {
-            begin(BuildStep::Imports { count: file.imports.len() });
-        }
-        if !file.windows.is_empty() {
-            begin(BuildStep::Windows { count: file.windows.len() });
-        }
-        let (description, import_notes) = file.expanded_with_notes(bundle.assets())?;
+        let (description, import_notes) = file.expanded_step_by_step(bundle.assets(), begin)?;
         let is_whole = file.imports.is_empty() && file.windows.is_empty();
         let name = |error| if is_whole { error } else { description.named(error) };
         let scene = Scene::build(description.parts(), bundle.assets(), begin).map_err(name)?;

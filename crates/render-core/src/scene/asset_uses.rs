@@ -9,7 +9,7 @@ use super::import::gltf::{GltfFile, ImageSource};
 use super::mesh_format::FileMesh;
 use super::paint::PaintDescription;
 use super::parts::SceneParts;
-use super::sheet::profile_uses;
+use super::sheet::{face_name, profile_uses};
 use crate::settings::{AssetProblem, JsonPath};
 use crate::texture::PictureKey;
 
@@ -46,6 +46,24 @@ pub(crate) fn asset_uses(parts: SceneParts<'_>) -> Vec<(String, &str)> {
         ProfileDescription::HeightMap { file, .. } => Some((format!("{place}.height_map.file"), file.as_str())),
         _ => None,
     });
+    let of_windows = parts.windows.iter().enumerate().flat_map(|(index, window)| {
+        let sheets = window.own_sheets().into_iter();
+        sheets.map(move |(place, sheet)| (format!("windows[{index}].{place}"), sheet))
+    });
+    let of_imports = parts.imports.iter().enumerate().flat_map(|(index, import)| {
+        import.lead.iter().enumerate().flat_map(move |(rule, leading)| {
+            let sheets = leading.own_sheets().into_iter();
+            sheets.map(move |(place, sheet)| (format!("imports[{index}].lead[{rule}].{place}"), sheet))
+        })
+    });
+    let own_sheets = of_windows.chain(of_imports).flat_map(|(place, sheet)| {
+        sheet.faces().into_iter().filter_map(move |(face, profile)| match profile {
+            ProfileDescription::HeightMap { file, .. } => {
+                Some((format!("{place}.{}.height_map.file", face_name(face)), file.as_str()))
+            }
+            _ => None,
+        })
+    });
     let textures = texture_uses(parts).map(|(path, picture)| (path, picture.file));
     let imports = parts.imports.iter().enumerate().flat_map(|(index, import)| {
         let place = format!("imports[{index}].source.{}", import.source.format());
@@ -53,6 +71,7 @@ pub(crate) fn asset_uses(parts: SceneParts<'_>) -> Vec<(String, &str)> {
         let others = files.iter().enumerate().map(|(number, file)| (format!("{place}.files[{number}]"), file.as_str()));
         std::iter::once((format!("{place}.file"), file.as_str())).chain(others).collect::<Vec<_>>()
     });
+    let profiles = profiles.chain(own_sheets);
     textures.chain(meshes).chain(profiles).chain(environment_uses(parts)).chain(imports).collect()
 }
 

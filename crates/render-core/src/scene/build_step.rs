@@ -12,6 +12,8 @@ pub enum BuildStep<'a> {
     },
     /// Leaded windows are planned and cut.
     Windows {
+        /// How many are.
+        done: usize,
         /// How many there are.
         count: usize,
     },
@@ -46,7 +48,9 @@ impl BuildStep<'_> {
     /// The part of a step of many equal parts that is done; `None` for other steps.
     pub fn done(&self) -> Option<f64> {
         match self {
-            Self::Panes { done, count } if *done > 0 => Some(*done as f64 / *count as f64),
+            Self::Panes { done, count } | Self::Windows { done, count } if *done > 0 => {
+                Some(*done as f64 / *count as f64)
+            }
             _ => None,
         }
     }
@@ -56,7 +60,8 @@ impl fmt::Display for BuildStep<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Imports { count } => write!(formatter, "Reading the imports, {count} in all"),
-            Self::Windows { count } => write!(formatter, "Glazing the windows, {count} in all"),
+            Self::Windows { done: 0, count } => write!(formatter, "Glazing the windows, {count} in all"),
+            Self::Windows { done, count } => write!(formatter, "Glazing the windows, {done} of {count}"),
             Self::Textures => write!(formatter, "Decoding the textures"),
             Self::Panes { done: 0, count } => write!(formatter, "Building the panes, {count} in all"),
             Self::Panes { done, count } => write!(formatter, "Building the panes, {done} of {count}"),

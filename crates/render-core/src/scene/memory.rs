@@ -403,7 +403,7 @@ mod tests {
     #[test]
     fn a_file_is_counted_once_however_many_meshes_name_it() {
         let bundle = of_one_file(1000, "stone");
-        let memory = bundle.memory();
+        let memory = bundle.memory().unwrap();
         assert!(memory.parts.iter().all(|part| part.count == 1));
         let decoded = memory.parts.iter().filter(|part| part.kept > memory.parts[1].kept);
         assert_eq!(decoded.map(|part| part.path.as_str()).collect::<Vec<_>>(), ["meshes[0].source.obj.file"]);
@@ -423,7 +423,7 @@ mod tests {
 
     #[test]
     fn triangles_are_compared_only_where_something_refracts_or_mirrors() {
-        let [stone, glass] = ["stone", "glass"].map(|material| of_one_file(1000, material).memory());
+        let [stone, glass] = ["stone", "glass"].map(|material| of_one_file(1000, material).memory().unwrap());
         let more = glass.bytes() - stone.bytes();
         assert!(more >= 1000 * (COMPARED_TRIANGLE + SPECULAR_TRIANGLE), "{more}");
     }

@@ -14,7 +14,7 @@ use super::import::{ImportDescription, check_imports};
 use super::mesh::is_degenerate;
 use super::parts::SceneParts;
 use super::profile;
-use super::sheet::{check_sheet, face_name};
+use super::sheet::check_sheet;
 use super::waves::MAX_CELLS;
 use super::window::check_windows;
 use crate::bsdf::{MaterialDescription, check_priority};
@@ -60,11 +60,8 @@ impl SceneParts<'_> {
         for (name, sheet) in self.sheets {
             let sheets = root.member("sheets");
             let path = sheets.member(name);
-            check_sheet(name, sheet, &path)?;
-            let size = SizedFace { width: sheet.width, height: sheet.height, relief: 1.0 };
-            for (face, profile) in sheet.faces() {
-                check_profile(profile, &size, &path.member(face_name(face)))?;
-            }
+            check_name(name, &path)?;
+            check_sheet(sheet, &path)?;
         }
         check_count(self.panes.len(), MAX_PANES, &root.member("panes"))?;
         let mut names = Names::default();
@@ -304,13 +301,13 @@ fn check_pane(pane: &PaneDescription, sheets: &BTreeMap<String, SheetDescription
 }
 
 /// What a profile has to fit: the size of its face, and the largest amplitude, metres.
-struct SizedFace {
-    width: f64,
-    height: f64,
-    relief: f64,
+pub(super) struct SizedFace {
+    pub(super) width: f64,
+    pub(super) height: f64,
+    pub(super) relief: f64,
 }
 
-fn check_profile(description: &ProfileDescription, face: &SizedFace, path: &JsonPath<'_>) -> Check {
+pub(super) fn check_profile(description: &ProfileDescription, face: &SizedFace, path: &JsonPath<'_>) -> Check {
     let path = path.member(description.name());
     let check_amplitude = |amplitude: f64| check_range(amplitude, -face.relief, face.relief, &path.member("amplitude"));
     match description {

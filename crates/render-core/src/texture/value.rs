@@ -1,7 +1,11 @@
 //! A number, the same everywhere or from a channel of a picture.
 
+use std::fmt;
+
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::Encoding;
 use super::mapped::{Bitmaps, MappedPicture, TextureCoordinates, TextureDescription, TextureUse};
@@ -9,13 +13,46 @@ use crate::settings::check::check_range;
 use crate::settings::{Check, JsonPath};
 
 /// A number between 0 and 1.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ValueDescription {
     /// The same everywhere.
     Uniform(#[schemars(range(min = 0.0, max = 1.0))] f64),
     /// A channel of a picture.
     Texture(Box<ValueTexture>),
+}
+
+impl<'de> Deserialize<'de> for ValueDescription {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrTexture;
+
+        impl<'de> Visitor<'de> for NumberOrTexture {
+            type Value = ValueDescription;
+
+            fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                formatter.write_str("a number between 0 and 1, or an object with texture and channel")
+            }
+
+            fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
+                Ok(ValueDescription::Uniform(value))
+            }
+
+            fn visit_u64<E: Error>(self, value: u64) -> Result<Self::Value, E> {
+                Ok(ValueDescription::Uniform(value as f64))
+            }
+
+            fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
+                Ok(ValueDescription::Uniform(value as f64))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let texture = ValueTexture::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(ValueDescription::Texture(Box::new(texture)))
+            }
+        }
+
+        deserializer.deserialize_any(NumberOrTexture)
+    }
 }
 
 /// A channel of a picture, as it stands in the file.

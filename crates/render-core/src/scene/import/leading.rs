@@ -11,9 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use super::glazing::PaneFit;
 use crate::math::hash::mix;
+use crate::scene::description::SheetDescription;
 use crate::scene::paint::PaintDescription;
-use crate::scene::window::{GlassDescription, OuterGlazing, WindowDescription, WindowExpansion, expand, paints};
-use crate::settings::{Check, JsonPath, SceneError};
+use crate::scene::window::{
+    GlassDescription, OuterGlazing, WindowDescription, WindowExpansion, expand, own_sheets, paints,
+};
+use crate::settings::{Check, JsonPath};
 
 /// Makes leaded windows of flat shapes and of thin closed bodies of an import. They have the members of the windows of a
 /// scene; their openings are the shapes.
@@ -119,15 +122,15 @@ impl LeadingRule {
         paints(self.paint.as_deref(), &self.glass, self.outer.as_ref())
     }
 
+    /// Its sheets with a relief of their own, with their places below it.
+    pub(in crate::scene) fn own_sheets(&self) -> Vec<(String, &SheetDescription)> {
+        own_sheets(&self.glass, self.outer.as_ref())
+    }
+
     /// Checks what can be checked without an opening.
     pub(super) fn check(&self, path: &JsonPath<'_>) -> Check {
         let window = self.window(String::from("window"), &LARGE, 0);
-        window.check_kinds(path)?;
-        window.design.validate().map_err(|error| SceneError::Value {
-            path: format!("{}.{}", path.member("design"), error.path),
-            found: error.found,
-            expected: error.expected,
-        })
+        window.check_made(path)
     }
 
     /// What a window in a shape is made of.

@@ -21,7 +21,7 @@ use crate::settings::AssetProblem;
 use crate::settings::JsonPath;
 use crate::settings::Triple;
 use crate::settings::check::Quoted;
-use crate::settings::limits::{MAX_IMPORTED_THINGS, MAX_NAME_BYTES, PANE_EDGES};
+use crate::settings::limits::{MAX_IMPORTED_THINGS, MAX_NAME_BYTES, MAX_PANES, PANE_EDGES};
 use crate::settings::pattern::matches;
 use crate::texture::TextureDescription;
 
@@ -325,6 +325,9 @@ impl<'a> Assembly<'a> {
         let window = self.import.lead[rule].window_in(name.clone(), fit, number, &rules.element(rule));
         let WindowExpansion { materials, meshes, sheets, mut panes } = window?;
         let leaded = &mut self.expansion.leaded;
+        if leaded.panes.len() + panes.len() > MAX_PANES {
+            return Err(format!("with its {} pieces a scene would have more than {MAX_PANES}", panes.len()));
+        }
         leaded.materials.extend(materials);
         leaded.meshes.extend(meshes);
         // All windows of a rule are cut from the same sheets, which take longest to build.

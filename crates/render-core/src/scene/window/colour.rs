@@ -95,7 +95,7 @@ const POT_METAL: f64 = 0.003;
 /// The colours that have a name.
 ///
 /// Coefficients of the soda-lime glasses follow from measured spectra. All others are chosen to match published
-/// luminous transmittances at 3 mm; `docs/scene-format.md` has the sources.
+/// luminous transmittances at 3 mm.
 pub const COLOURS: [HistoricalColour; 13] = [
     HistoricalColour {
         name: "clear",
@@ -215,4 +215,23 @@ impl GlassColour {
 /// The historical colour of this name.
 pub(super) fn named(name: &str) -> Option<&'static HistoricalColour> {
     COLOURS.iter().find(|colour| colour.name == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_manual_has_each_colour_with_its_provenance() {
+        let manual = include_str!("../../../../../docs/scene-format.md");
+        for HistoricalColour { name, tint, provenance, .. } in COLOURS {
+            let channel = |channel: usize| {
+                let absorbance = 0.003 * tint.body[channel] + tint.flash[channel] + tint.stain[channel];
+                let through = libm::exp(-absorbance);
+                if through < 0.01 { format!("{through:.3}") } else { format!("{through:.2}") }
+            };
+            let row = format!("| `{name}` | {}, {}, {} | {provenance} |\n", channel(0), channel(1), channel(2));
+            assert!(manual.contains(&row), "docs/scene-format.md lacks {row}");
+        }
+    }
 }

@@ -2,16 +2,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use clerestory_glazing::WindowDesign;
+use clerestory_glazing::{GlazingError, Lead, WindowDesign};
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::colour::{GlassColour, named};
-use super::glass::GlassDescription;
+use super::glass::{GlassDescription, GlassSheet};
+use crate::scene::description::SheetDescription;
 use crate::scene::paint::PaintDescription;
 use crate::settings::check::{
-    MIN_SINE, Numbers, Quoted, check_above, check_direction, check_name, check_range, check_triple,
+    MIN_SINE, Numbers, Quoted, check_above, check_direction, check_name, check_triple,
 };
 use crate::settings::limits::MAX_COORDINATE;
 use crate::settings::{Check, JsonPath, SceneError, Triple};
@@ -98,11 +99,35 @@ pub(in crate::scene) fn paints<'a>(
     own.into_iter().chain(of_kinds).chain(outer).collect()
 }
 
+/// The sheets with a relief of their own among kinds of glass, with their places.
+pub(in crate::scene) fn own_sheets<'a>(
+    glass: &'a BTreeMap<String, GlassDescription>,
+    outer: Option<&'a OuterGlazing>,
+) -> Vec<(String, &'a SheetDescription)> {
+    let root = JsonPath::Root;
+    let kinds = root.member("glass");
+    let of_kinds = glass.iter().map(|(name, kind)| (kinds.member(name).to_string(), kind));
+    let of_outer = outer.map(|outer| ("outer.glass".to_owned(), &outer.glass));
+    let own = |(place, kind): (String, &'a GlassDescription)| match &kind.sheet {
+        GlassSheet::Own(sheet) => Some((format!("{place}.sheet.own"), sheet)),
+        _ => None,
+    };
+    of_kinds.chain(of_outer).filter_map(own).collect()
+}
+
+/// An error of a design that stands in a window at `path`.
+pub(super) fn of_design(error: GlazingError, path: &JsonPath<'_>) -> SceneError {
+    SceneError::Value {
+        path: format!("{}.{}", path.member("design"), error.path),
+        found: error.found,
+        expected: error.expected,
+    }
+}
+
 impl WindowDescription {
     fn check(&self, path: &JsonPath<'_>) -> Check {
-        check_name(&self.name, &path.member("name"))?;
-        if self.name.len() > MAX_WINDOW_NAME_BYTES {
-            let expected = format!("at most {MAX_WINDOW_NAME_BYTES} bytes");
+        if self.name.len() > MAX_WINDOW_NAME_BYTES || check_name(&self.name, &path.member("name")).is_err() {
+            let expected = format!("1 to {MAX_WINDOW_NAME_BYTES} bytes without control characters");
             return Err(SceneError::value(&path.member("name"), Quoted(&self.name), expected));
         }
         check_triple(self.sill, -MAX_COORDINATE, MAX_COORDINATE, &path.member("sill"))?;
@@ -112,12 +137,12 @@ impl WindowDescription {
             let expected = format!("a direction that is not parallel to x_axis ({})", Numbers(&self.x_axis));
             return Err(SceneError::value(&path.member("y_axis"), Numbers(&self.y_axis), expected));
         }
-        self.check_kinds(path)?;
-        check_range(self.name.len(), 1, MAX_WINDOW_NAME_BYTES, &path.member("name"))
+        self.check_made(path)
     }
 
-    /// Checks the kinds of glass and the protective pane.
-    pub(crate) fn check_kinds(&self, path: &JsonPath<'_>) -> Check {
+    /// Checks the design, the kinds of glass and the protective pane.
+    pub(crate) fn check_made(&self, path: &JsonPath<'_>) -> Check {
+        self.design.validate().map_err(|error| of_design(error, path))?;
         let kinds = path.member("glass");
         for (name, glass) in &self.glass {
             check_name(name, &kinds)?;
@@ -129,7 +154,33 @@ impl WindowDescription {
             check_above(outer.distance, 0.0, 1.0, &path.member("distance"))?;
             outer.glass.check(&path.member("glass"))?;
         }
-        Ok(())
+        self.check_depth(path)
+    }
+
+    /// Checks that glass and lead have room in each other and behind the protective pane.
+    fn check_depth(&self, path: &JsonPath<'_>) -> Check {
+        let Lead::Cames(cames) = &self.design.lead else { return Ok(()) };
+        for name in self.design.glass_names() {
+            let thickness = self.kind(name).map_or(0.0, |kind| kind.thickness());
+            if thickness > cames.heart_height {
+                let expected = format!("at most {}, the heart_height of the cames", cames.heart_height);
+                let kinds = path.member("glass");
+                return Err(SceneError::value(&kinds.member(name).member("thickness"), thickness, expected));
+            }
+        }
+        let depth = 0.5 * cames.heart_height + cames.flange_thickness;
+        match &self.outer {
+            Some(outer) if outer.distance <= depth => {
+                let expected = format!("more than {depth}, up to where the cames reach");
+                Err(SceneError::value(&path.member("outer").member("distance"), outer.distance, expected))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The sheets with a relief of its own, with their places below it.
+    pub(in crate::scene) fn own_sheets(&self) -> Vec<(String, &SheetDescription)> {
+        own_sheets(&self.glass, self.outer.as_ref())
     }
 
     /// Its paints with their places below it.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use clerestory_glazing::{MeshPart, Piece, PlanMesh, WindowPlan};
 use glam::{DMat2, DQuat, DVec2, DVec3};
 
-use super::description::{OuterGlazing, WindowDescription};
+use super::description::{OuterGlazing, WindowDescription, of_design};
 use super::glass::{Cutting, GlassDescription};
 use super::painter::{OUTER, Painter};
 use crate::bsdf::{DiffuseMaterial, MaterialDescription};
@@ -48,11 +48,7 @@ const MATERIALS: [(MeshPart, &str, Triple); 5] = [
 ///
 /// The member of the design that makes no window, below `path`.
 pub fn plan(window: &WindowDescription, path: &JsonPath<'_>) -> Result<WindowPlan, SceneError> {
-    window.design.plan().map_err(|error| SceneError::Value {
-        path: format!("{}.{}", path.member("design"), error.path),
-        found: error.found,
-        expected: error.expected,
-    })
+    window.design.plan().map_err(|error| of_design(error, path))
 }
 
 /// What a window is made of.
@@ -172,7 +168,7 @@ impl Glazier<'_> {
         plan: &WindowPlan,
         expansion: &mut WindowExpansion,
     ) -> Result<SheetCut, SceneError> {
-        let sheet_name = format!("{} {name}", self.window.name);
+        let sheet_name = format!("{} glass {name}", self.window.name);
         let seed = text_seed(name) ^ mix(self.window.design.seed);
         let sheet = expansion.sheets.entry(sheet_name.clone()).or_insert_with(|| kind.sheet.description(seed % SEEDS));
         let place = match kind.cutting {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::colour::GlassColour;
 use crate::scene::description::{ProfileDescription, SheetDescription};
 use crate::scene::paint::PaintDescription;
+use crate::scene::sheet::check_sheet;
 use crate::settings::check::{check_above, check_range};
 use crate::settings::{Check, JsonPath};
 
@@ -98,6 +99,9 @@ impl GlassDescription {
         check_above(self.thickness(), 0.0, 0.1, &path.member("thickness"))?;
         check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
         self.colour.check(&path.member("colour"))?;
+        if let GlassSheet::Own(sheet) = &self.sheet {
+            check_sheet(sheet, &path.member("sheet").member("own"))?;
+        }
         self.paint.as_ref().map_or(Ok(()), |paint| paint.check(&path.member("paint")))
     }
 }

@@ -199,6 +199,67 @@ fn what_is_wrong_with_a_window_is_said_at_its_place() {
 }
 
 #[test]
+fn what_does_not_fit_into_the_lead_or_behind_the_protective_pane_is_refused() {
+    let with = |member: &str, value: Value| {
+        let mut window = lancet();
+        window[member] = value;
+        window
+    };
+    let thick = json!({"old": {"thickness": 0.006}});
+    check_refused(with("glass", thick), "windows[0].glass.old.thickness", "at most 0.005, the heart_height");
+    check_refused(with("outer", json!({"distance": 0.003})), "windows[0].outer.distance", "more than 0.0035");
+}
+
+#[test]
+fn a_sheet_of_its_own_is_checked_where_it_stands_and_its_file_is_asked_for() {
+    let with = |sheet: Value| {
+        let mut window = lancet();
+        window["glass"]["old"]["sheet"] = json!({"own": sheet});
+        window
+    };
+    let place = "windows[0].glass.old.sheet.own";
+    let crown = |wavelength: f64| json!({"crown": {"centre": [0, 0], "wavelength": wavelength, "amplitude": 1e-5}});
+    let wide = with(json!({"width": -1, "height": 1}));
+    check_refused(wide, &format!("{place}.width"), "-1");
+    let wavy = with(json!({"width": 1, "height": 1, "front": crown(-1.0)}));
+    check_refused(wavy, &format!("{place}.front.crown.wavelength"), "-1");
+    let map = json!({"height_map": {"file": "h.png", "scale": 1e-4}});
+    let measured = with(json!({"width": 1, "height": 1, "back": map}));
+    let error = build(&scene_with(measured)).unwrap_err();
+    assert_eq!(error.path(), format!("{place}.back.height_map.file"), "{error}");
+}
+
+#[test]
+fn the_glass_of_a_window_is_never_that_of_another() {
+    let mut scene = scene_with(lancet());
+    let mut outer = lancet();
+    outer["design"]["glass"] = json!({"uniform": {"name": "outer"}});
+    outer["glass"] = json!({"outer": {"sheet": "hammered", "colour": "clear"}});
+    outer["outer"] = json!({});
+    let sheets = |window: Value| expanded(window).sheets.len();
+    assert_eq!(sheets(outer), 2);
+    scene["sheets"] = json!({"east glass old": {"width": 1, "height": 1}});
+    let error = build(&scene).unwrap_err();
+    assert!(error.path() == "windows[0].name" && error.to_string().contains("another name"), "{error}");
+}
+
+#[test]
+fn windows_of_more_pieces_than_a_scene_may_have_are_refused_at_the_first_one_too_many() {
+    let mut scene = scene_with(lancet());
+    let window = |index: usize| {
+        let mut window = lancet();
+        window["name"] = json!(format!("window {index}"));
+        window["design"]["opening"]["arch"] = json!({"width": 3, "height": 3});
+        window["design"]["filling"] = json!({"rectangles": {"width": 0.0101, "height": 0.0101}});
+        window["design"]["lead"] = json!("none");
+        window
+    };
+    scene["windows"] = (0..1000).map(window).collect();
+    let error = build(&scene).unwrap_err();
+    assert!(error.path() == "windows[1]" && error.to_string().contains("at most 131072 panes"), "{error}");
+}
+
+#[test]
 fn a_scene_with_a_window_keeps_its_hash_where_nothing_is_said() {
     let hash = |scene: &Value| {
         let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
