@@ -105,15 +105,27 @@ fn arrivals(scene: &PreparedScene, point: &ShadingPoint, number: u32) -> Vec<Arr
     found
 }
 
-/// Compares the paths through a whole sheet with those through its pieces. Returns how many there are, how many enter
-/// and leave in different pieces, and how many a search by chance has not found.
-fn compare(integrator: &Value) -> [usize; 3] {
+/// The paths through a whole sheet beside those through its pieces.
+#[derive(Debug, Default)]
+struct Compared {
+    /// Those through the whole sheet.
+    paths: usize,
+    /// Those of them that enter and leave in different pieces.
+    across: usize,
+    /// Those of them within a piece that were not found through it.
+    missing: usize,
+    /// Paths through a piece that were not found through the whole sheet.
+    extra: usize,
+}
+
+/// Compares the paths through a whole sheet with those through its pieces.
+fn compare(integrator: &Value) -> Compared {
     let whole = scene(integrator, json!([pane("whole", &pieces_of_whole())]));
     let pieces = pieces();
     let cut = (0..).zip(&pieces).map(|(number, piece): (u32, _)| pane(&number.to_string(), piece)).collect();
     let cut = scene(integrator, cut);
     let mut random = random(31);
-    let mut counts = [0; 3];
+    let mut counts = Compared::default();
     for number in 0..400 {
         // Aslant, so that light travels far along the glass.
         let through = (pair(&mut random) - 0.5) * SIZE;
@@ -130,8 +142,8 @@ fn compare(integrator: &Value) -> [usize; 3] {
             let piece_of =
                 |at: DVec3| cut.scene().panes().iter().position(|pane| pane.outline.contains(at.truncate())).unwrap();
             let is_within = piece_of(through.entry) == piece_of(through.exit);
-            counts[0] += 1;
-            counts[1] += usize::from(!is_within);
+            counts.paths += 1;
+            counts.across += usize::from(!is_within);
             let same = left.iter().position(|other| (other.direction - direction).length() < SAME);
             match (is_within, same) {
                 (true, Some(at)) => {
@@ -139,12 +151,12 @@ fn compare(integrator: &Value) -> [usize; 3] {
                     let off = (found.weight - weight).length() / weight.length();
                     assert!(off < 1e-6, "{integrator}: {} is not {weight}", found.weight);
                 }
-                (true, None) => counts[2] += 1,
+                (true, None) => counts.missing += 1,
                 (false, None) => {}
                 (false, Some(_)) => panic!("{integrator}: light crosses a cut at {}", through.entry),
             }
         }
-        counts[2] += left.len();
+        counts.extra += left.len();
     }
     counts
 }
@@ -167,26 +179,28 @@ fn cuts_make_convex_pieces_that_fill_the_sheet() {
 
 #[test]
 fn fnee_finds_the_paths_within_each_piece() {
-    let [paths, across, unlike] = compare(&json!({"fnee": {}}));
-    println!("{paths} paths, {across} across cuts");
-    assert!(paths > 300 && across > 3, "{paths} paths, {across} across cuts");
-    assert_eq!(unlike, 0, "of {paths} paths");
+    let found = compare(&json!({"fnee": {}}));
+    println!("{found:?}");
+    assert!(found.paths > 300 && found.across > 3, "{found:?}");
+    assert_eq!([found.missing, found.extra], [0; 2], "{found:?}");
 }
 
 #[test]
 fn sms_finds_the_paths_within_each_piece() {
-    let [paths, across, unlike] = compare(&json!({"sms": {"estimator": {"biased": {"trials": 40}}}}));
-    assert!(paths > 300 && across > 3, "{paths} paths, {across} across cuts");
+    let found = compare(&json!({"sms": {"estimator": {"biased": {"trials": 40}}}}));
+    println!("{found:?}");
+    assert!(found.paths > 300 && found.across > 3, "{found:?}");
     // Walks start anywhere: now and then, none of all reaches a path.
-    assert!(unlike * 25 < paths, "{unlike} of {paths} paths");
+    assert!((found.missing + found.extra) * 25 < found.paths, "{found:?}");
 }
 
 #[test]
 fn mnee_finds_the_paths_within_each_piece() {
-    let [paths, across, unlike] = compare(&json!({"mnee": {"missed": "dropped"}}));
-    assert!(paths > 200, "{paths} paths, {across} across cuts");
-    // A walk begins where the straight line meets the glass, which may be another piece.
-    assert!(unlike * 3 < paths, "{unlike} of {paths} paths");
+    let found = compare(&json!({"mnee": {"missed": "dropped"}}));
+    println!("{found:?}");
+    assert!(found.paths > 200 && found.across > 3, "{found:?}");
+    // A walk begins where the straight line meets the glass, and ends where it leaves the piece.
+    assert!(found.missing * 5 < found.paths && found.extra * 100 < found.paths, "{found:?}");
 }
 
 /// A strip along the diagonal of the sheet, a twelfth of it.
@@ -258,7 +272,7 @@ fn nothing_is_spent_on_what_the_lead_covers() {
         println!("{integrator}: {of_strip:?} of {of_sheet:?}");
         for (strip, sheet) in of_strip.into_iter().zip(of_sheet) {
             // The strip is a twelfth of the sheet; light bends across its edges here and there.
-            assert!(strip * 6 <= sheet, "{integrator}: {of_strip:?} for the strip, {of_sheet:?} for the sheet");
+            assert!(strip * 8 <= sheet, "{integrator}: {of_strip:?} for the strip, {of_sheet:?} for the sheet");
         }
     }
 }
