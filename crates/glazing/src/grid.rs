@@ -77,7 +77,8 @@ impl RTreeObject for Numbered {
 impl SegmentTree {
     /// The tree of segments, each widened by a tolerance.
     pub(crate) fn new(segments: &[[DVec2; 2]], tolerance: f64) -> Self {
-        let numbered = |(number, &segment): (usize, &[DVec2; 2])| Numbered { bounds: around(segment, tolerance), number };
+        let numbered =
+            |(number, &segment): (usize, &[DVec2; 2])| Numbered { bounds: around(segment, tolerance), number };
         Self { tree: RTree::bulk_load(segments.iter().enumerate().map(numbered).collect()) }
     }
 

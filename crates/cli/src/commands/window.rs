@@ -49,7 +49,7 @@ pub(super) struct WindowArguments {
     /// Historical colours, mixed at random; a wrong name shows the list.
     #[arg(long, value_name = "COLOUR,...", default_value = "greenish", value_parser = colour_list)]
     glass: ColourList,
-    /// How the sheets were made that pieces are cut from [default: crown, and flat where lights are undivided].
+    /// How the sheets were made that pieces are cut from [default: crown, and flat with `--filling plain`].
     #[arg(long, value_name = "SHEET", value_parser = PossibleValuesParser::new(SHEETS))]
     sheet: Option<String>,
     /// A flat protective pane outside.
@@ -100,6 +100,7 @@ impl WindowArguments {
         let scene = apply(&self.set, &usual).map_err(|error| Failure::Usage(format!("--set {error}")))?;
         // The room follows the window as it has become.
         let Some(window) = scene.windows.into_iter().next() else { return Ok(()) };
+        check_used(&window, &usual)?;
         let scene = window_scene(window).map_err(unusable)?;
         scene.validate().map_err(unusable)?;
         // Says what is wrong with the glass, which a drawing does not need.
@@ -143,6 +144,19 @@ impl WindowArguments {
     fn kinds(&self) -> BTreeMap<String, GlassDescription> {
         let usual = if self.filling == "plain" { "flat" } else { "crown" };
         kinds(&self.glass.0, self.sheet.as_deref().unwrap_or(usual))
+    }
+}
+
+/// Refuses a new kind of glass that no piece is of: what was said of it would be for nothing.
+fn check_used(window: &WindowDescription, usual: &SceneDescription) -> Result<(), Failure> {
+    let used = window.design.glass_names();
+    let is_new = |name: &str| usual.windows.iter().all(|window| !window.glass.contains_key(name));
+    match window.glass.keys().find(|name| is_new(name) && !used.contains(&name.as_str())) {
+        Some(name) => {
+            let used = used.join(", ");
+            Err(Failure::Usage(format!("--set glass: the design has no glass {name:?}, but {used}")))
+        }
+        None => Ok(()),
     }
 }
 

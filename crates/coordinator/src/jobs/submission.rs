@@ -117,7 +117,7 @@ impl Submissions {
             };
             targets.check(true, noise)?;
         }
-        let (bundle, _files_room) = self.validated(description, &named).await?;
+        let (bundle, missing_light, _files_room) = self.validated(description, &named).await?;
         let description = bundle.description();
         let sampling = description.sampling;
         let name = submission.name.unwrap_or_else(|| description.name.clone());
@@ -137,7 +137,7 @@ impl Submissions {
             integrator: description.integrator.kind().to_owned(),
             is_read_by_first: is_read_by_first(description.version, description.integrator.kind()),
             is_same_by_first: is_same_by_first(description.lights.len()),
-            missing_light: description.missing_light(),
+            missing_light,
             assumptions: submission.assumptions,
             grid,
             samples_per_pass: sampling.samples_per_pass,
@@ -170,12 +170,13 @@ impl Submissions {
         Ok(self.metrics.reference(grid, hash).await.map_err(refused)?.noise())
     }
 
-    /// The scene with its files, which hold no more than a scene may have, and the memory that the files take.
+    /// The scene with its files, which hold no more than a scene may have, the light that an image of it lacks, and the
+    /// memory that the files take.
     async fn validated(
         &self,
         description: SceneDescription,
         named: &BTreeMap<String, ContentHash>,
-    ) -> Result<(SceneBundle, Room), SubmissionError> {
+    ) -> Result<(SceneBundle, Vec<String>, Room), SubmissionError> {
         let limit = self.limit;
         let asset_bytes = self.store.asset_bytes(named.values().copied()).await?;
         if asset_bytes > limit {
@@ -189,8 +190,9 @@ impl Submissions {
         let room = self.memory.for_scene(asset_bytes).await?;
         let bundle = self.read(description, named).await?;
         blocking(move || {
-            bundle.memory()?.check_counts()?;
-            Ok((bundle, room))
+            let (memory, missing_light) = bundle.memory_and_missing_light()?;
+            memory.check_counts()?;
+            Ok((bundle, missing_light, room))
         })
         .await
     }

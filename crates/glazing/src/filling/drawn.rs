@@ -185,8 +185,8 @@ impl FillingShape for Drawn {
         let ground = self.ground.lay_out(region, &join(path, "ground"))?;
         for line in ground.lines {
             let segments = line.windows(2).map(|ends| [ends[0], ends[1]]).collect();
-            let visible = visible(segments, &shapes, &mut work_left)
-                .ok_or_else(|| overlapping(join(path, "pieces")))?;
+            let visible =
+                visible(segments, &shapes, &mut work_left).ok_or_else(|| overlapping(join(path, "pieces")))?;
             lines.extend(polygon::joined(visible));
         }
         let locate = move |point: DVec2| {

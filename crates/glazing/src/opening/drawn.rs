@@ -44,7 +44,8 @@ impl DrawnOpening {
 impl OpeningShape for DrawnOpening {
     fn form(&self, path: &str) -> Result<OpeningForm, GlazingError> {
         check(path, "scale", self.scale, 1e-6..=100.0, "metres")?;
-        let fault = |expected: String| GlazingError::new(format!("{path}.path"), format!("\"{}\"", self.path), expected);
+        let fault =
+            |expected: String| GlazingError::new(format!("{path}.path"), format!("\"{}\"", self.path), expected);
         let corners = closed_path(&self.path, DVec2::ZERO, self.scale).map_err(fault)?;
         let [low, high] = polygon::bounds(&corners);
         for (way, size) in [("wide", high.x - low.x), ("high", high.y - low.y)] {

@@ -68,8 +68,18 @@ impl SceneBundle {
     ///
     /// When an import or a window of the scene makes no sense.
     pub fn memory(&self) -> Result<SceneMemory, SceneError> {
+        Ok(self.memory_and_missing_light()?.0)
+    }
+
+    /// The same, and the light that an image lacks: [`SceneDescription::missing_light`] with the things of imports and
+    /// windows.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::memory`].
+    pub fn memory_and_missing_light(&self) -> Result<(SceneMemory, Vec<String>), SceneError> {
         let expanded = self.description.expanded(&self.assets)?;
-        Ok(SceneMemory::of(expanded.parts(), &self.assets))
+        Ok((SceneMemory::of(expanded.parts(), &self.assets), expanded.missing_light()))
     }
 
     /// The identity of the scene: everything that can change a pixel goes into it, and no white space or order of

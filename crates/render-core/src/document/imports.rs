@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 
 use super::SceneDescription;
 use crate::light::LightDescription;
-use crate::scene::{Assets, BuildStep};
 use crate::scene::import::{Expansion, expand};
 use crate::scene::painting::take_paint;
 use crate::scene::window::{self, WindowExpansion};
+use crate::scene::{Assets, BuildStep};
 use crate::settings::check::Quoted;
 use crate::settings::limits::MAX_PANES;
 use crate::settings::{JsonPath, SceneError};

@@ -20,7 +20,7 @@ const SILL: f64 = 1.0;
 /// From the window to the camera, as a multiple of the height of the opening.
 const NEARNESS: f64 = 1.8;
 
-/// From the window to the far wall, metres, as a multiple of the wall's height.
+/// From the window to the far wall, metres, as a multiple of the wall's longer edge.
 const DEPTH: f64 = 1.4;
 
 /// A window in a wall in the plane y = 0, with the inside towards -y.
@@ -54,23 +54,25 @@ pub fn window_scene(window: WindowDescription) -> Result<SceneDescription, Scene
     let sill = DVec3::from(window.sill);
     let (low, high) = (corners[0] + DVec2::new(sill.x, sill.z), corners[1] + DVec2::new(sill.x, sill.z));
     let (near, height) = (sill.y - inside, high.y - low.y);
-    let far = near - DEPTH * height;
+    let far = near - DEPTH * height.max(high.x - low.x);
     let opening_top = plan.outline.iter().map(|corner| corner.y).fold(0.0, f64::max);
     // The window is a third of the picture, and the floor before it is seen.
-    let back = (near - NEARNESS * opening_top).max(far + 0.25);
-    let eye = [low.x + 0.65 * (high.x - low.x), back, low.y + 0.55 * height];
-    let target = [sill.x, near - 0.25 * (near - far), sill.z + 0.25 * opening_top];
-    let [eye, target] = [eye, target].map(|place| place.map(rounded));
+    let farthest = far + 0.25;
+    let back = (near - NEARNESS * opening_top).max(farthest);
+    let eye = DVec3::new(low.x + 0.65 * (high.x - low.x), back, low.y + 0.55 * height);
+    let target = DVec3::new(sill.x, near - 0.25 * (near - far), sill.z + 0.25 * opening_top);
+    let opening: Vec<DVec3> = plan.outline.iter().map(|corner| sill + DVec3::new(corner.x, 0.0, corner.y)).collect();
+    let [eye, target] = view_of(&opening, [eye, target], farthest).map(|place| place.to_array().map(rounded));
     Ok(SceneDescription {
         version: SCENE_FORMAT_VERSION,
         name: "A leaded window".to_owned(),
         seed: 1,
-        film: FilmDescription { width: 480, height: 600 },
+        film: FilmDescription { width: FILM[0], height: FILM[1] },
         camera: CameraDescription::Perspective {
             position: eye,
             look_at: target,
             up: [0.0, 0.0, 1.0],
-            vertical_field_of_view: 62.0,
+            vertical_field_of_view: FIELD_OF_VIEW,
         },
         integrator: IntegratorDescription::default(),
         path_filter: None,
@@ -83,6 +85,34 @@ pub fn window_scene(window: WindowDescription) -> Result<SceneDescription, Scene
         panes: Vec::new(),
         lights: lights(),
     })
+}
+
+/// Width and height of the picture, pixels.
+const FILM: [u32; 2] = [480, 600];
+
+/// Degrees from the lower to the upper edge of the picture.
+const FIELD_OF_VIEW: f64 = 62.0;
+
+/// An eye and a target from which all of the opening is seen: these, or others from which the view goes more towards
+/// the opening, and from further back, down to `farthest`.
+fn view_of(opening: &[DVec3], [eye, target]: [DVec3; 2], farthest: f64) -> [DVec3; 2] {
+    let [width, height] = FILM.map(f64::from);
+    let half = libm::tan((0.5 * FIELD_OF_VIEW).to_radians());
+    let middle = opening.iter().sum::<DVec3>() / opening.len() as f64;
+    let is_seen = |[eye, target]: [DVec3; 2]| {
+        let ahead = (target - eye).normalize();
+        let right = ahead.cross(DVec3::Z).normalize();
+        let up = right.cross(ahead);
+        opening.iter().all(|corner| {
+            let to = *corner - eye;
+            let reach = 0.99 * half * to.dot(ahead);
+            to.dot(up).abs() < reach && to.dot(right).abs() < reach * width / height
+        })
+    };
+    let steps = |count: u32| (0..=count).map(move |step| f64::from(step) / f64::from(count));
+    let back = |part: f64| DVec3::new(eye.x, eye.y + part * (farthest - eye.y), eye.z);
+    let views = steps(8).flat_map(|part| steps(8).map(move |turn| [back(part), target.lerp(middle, turn)]));
+    views.into_iter().find(|view| is_seen(*view)).unwrap_or([back(1.0), middle])
 }
 
 fn materials() -> BTreeMap<String, MaterialDescription> {
@@ -153,4 +183,32 @@ fn lights() -> Vec<LightDescription> {
             rotate: [0.0; 3],
         }),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_glazing::{Arch, Head, Opening};
+
+    use super::*;
+
+    #[test]
+    fn all_of_a_window_is_in_the_picture() {
+        for [width, height] in [[0.6, 2.0], [0.5, 1.0], [1.0, 1.0], [2.0, 1.0], [3.0, 6.0], [0.3, 0.3], [8.0, 2.0]] {
+            let opening = Opening::Arch(Arch { width, height, head: Head::Rectangle });
+            let mut design = WindowDesign::new(opening);
+            design.wall = Some(clerestory_glazing::Wall::default());
+            let glass = BTreeMap::from([("clear".to_owned(), GlassDescription::float())]);
+            let scene = window_scene(window_of(design, glass)).unwrap();
+            let CameraDescription::Perspective { position, look_at, .. } = scene.camera else { panic!("{scene:?}") };
+            let [eye, target] = [position, look_at].map(DVec3::from);
+            let ahead = (target - eye).normalize();
+            let right = ahead.cross(DVec3::Z).normalize();
+            let half = libm::tan(31_f64.to_radians());
+            for corner in [[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]] {
+                let to = DVec3::new(corner[0] * width, 0.0, 1.0 + corner[1] * height) - eye;
+                let [across, up] = [right, right.cross(ahead)].map(|axis| to.dot(axis) / (to.dot(ahead) * half));
+                assert!(across.abs() < 0.8 && up.abs() < 1.0, "{width} x {height}: [{across}, {up}]");
+            }
+        }
+    }
 }

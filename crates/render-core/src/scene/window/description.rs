@@ -11,9 +11,7 @@ use super::colour::{GlassColour, named};
 use super::glass::{GlassDescription, GlassSheet};
 use crate::scene::description::SheetDescription;
 use crate::scene::paint::PaintDescription;
-use crate::settings::check::{
-    MIN_SINE, Numbers, Quoted, check_above, check_direction, check_name, check_triple,
-};
+use crate::settings::check::{MIN_SINE, Numbers, Quoted, check_above, check_direction, check_name, check_triple};
 use crate::settings::limits::MAX_COORDINATE;
 use crate::settings::{Check, JsonPath, SceneError, Triple};
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use clerestory_glazing::{MeshPart, Piece, PlanMesh, WindowPlan};
 use glam::{DMat2, DQuat, DVec2, DVec3};
 
+use super::colour::COLOURS;
 use super::description::{OuterGlazing, WindowDescription, of_design};
 use super::glass::{Cutting, GlassDescription};
 use super::painter::{OUTER, Painter};
@@ -154,8 +155,10 @@ impl Glazier<'_> {
         if let Some(kind) = self.window.kind(name) {
             return Ok(kind);
         }
-        let expected = format!("a kind of glass with the name {}, which the design uses", Quoted(name));
-        Err(SceneError::value(&self.path.member("glass"), "no such kind", expected))
+        let colours: Vec<&str> = COLOURS.iter().map(|colour| colour.name).collect();
+        let found = format!("no kind {}, which the design uses", Quoted(name));
+        let expected = format!("that kind, or the design has to name one of the colours {}", colours.join(", "));
+        Err(SceneError::value(&self.path.member("glass"), found, expected))
     }
 
     /// Where a piece is cut from the sheet of its kind.
@@ -194,7 +197,9 @@ impl Glazier<'_> {
                 high.y - low.y
             );
             let path = self.path.member("glass");
-            return Err(SceneError::value(&path.member(name).member("sheet"), found, "a larger sheet"));
+            let expected =
+                "smaller pieces (quarries, or a `ground` beside drawn ones), or a larger sheet: flat, or own";
+            return Err(SceneError::value(&path.member(name).member("sheet"), found, expected));
         };
         Ok(SheetCut { name: sheet_name, at: at.to_array(), rotation })
     }

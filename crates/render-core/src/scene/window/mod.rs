@@ -12,8 +12,8 @@ mod painter;
 pub use clerestory_glazing::WindowDesign;
 pub use colour::{COLOURS, GlassColour, HistoricalColour, Tint};
 pub(crate) use description::check_windows;
-pub(in crate::scene) use description::{own_sheets, paints};
 pub use description::{OuterGlazing, WindowDescription};
+pub(in crate::scene) use description::{own_sheets, paints};
 pub use expand::{WindowExpansion, expand, plan};
 pub use glass::{Cutting, GlassDescription, GlassSheet};
 

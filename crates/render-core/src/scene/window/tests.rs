@@ -190,7 +190,7 @@ fn what_is_wrong_with_a_window_is_said_at_its_place() {
         window["design"]["filling"] = json!({"diamonds": {"width": 0.25, "height": 0.3}});
         window["glass"]["old"]["sheet"]["own"]["front"] = json!({"hammered": {"wavelength": 0.03, "amplitude": 1e-5}});
     });
-    check_refused(small, "windows[0].glass.old.sheet", "a larger sheet");
+    check_refused(small, "windows[0].glass.old.sheet", "or a larger sheet");
     let upright = changed(&|window| window["y_axis"] = json!([2, 0, 0]));
     check_refused(upright, "windows[0].y_axis", "not parallel to x_axis");
     let member = changed(&|window| window["design"]["tracery"] = json!({"mullion": {}}));
