@@ -1,6 +1,7 @@
 //! From a scene to its files.
 
 use clerestory_render_core::exchange::{ColourModel, LightModel, RadianceModel, SurfaceModel};
+use clerestory_render_core::geometry::{Face, Pane as Glass};
 use clerestory_render_core::scene::description::MeshDescription;
 use clerestory_render_core::scene::{Scene, decode_radiance, decode_textures};
 use clerestory_render_core::texture::Bitmaps;
@@ -83,12 +84,20 @@ impl<'a> Export<'a> {
         for (index, pane) in scene.panes().iter().enumerate() {
             let tessellation = Tessellation::of(pane, settings.tolerance)?;
             let file = file_name(index, &pane.name);
+            let absorption = with_layers(pane);
+            if absorption != pane.absorption {
+                approximations.push(Approximation {
+                    place: format!("panes[{}]", pane.name),
+                    by: "glass of one colour",
+                    difference: "its coloured layers are spread over the body, and colour light between its faces more",
+                });
+            }
             panes.push(Pane {
                 name: pane.name.clone(),
                 faces: format!("meshes/pane-{file}-faces.ply"),
                 edge: format!("meshes/pane-{file}-edge.ply"),
                 index_of_refraction: pane.index_of_refraction,
-                absorption: pane.absorption.to_array(),
+                absorption: absorption.to_array(),
                 error: tessellation.error,
             });
             tessellations.push(tessellation);
@@ -200,6 +209,13 @@ fn coordinates(
         });
     }
     of_material.or(of_light.map(|(_, set)| set)).unwrap_or_default()
+}
+
+/// The absorption coefficient of a body that lets as much light straight through as a pane with the layers on its faces.
+fn with_layers(pane: &Glass) -> DVec3 {
+    let layers = pane.layer(Face::Front, 1.0) * pane.layer(Face::Back, 1.0);
+    let absorbance = layers.map(|through| -libm::log(through.max(f64::MIN_POSITIVE)));
+    pane.absorption + absorbance.max(DVec3::ZERO) / pane.thickness
 }
 
 /// The point that becomes the origin: that of the scene, or a round one in the middle of what lies far from it.

@@ -35,6 +35,8 @@ fn folder() -> Folder {
         {"disk": {"name": "spot", "centre": [999, 0, 4], "normal": [0, 0, -2], "radius": 0.5, "radiance": [4, 4, 4]}},
         {"sun": {"name": "sun", "direction": [0, 3, 4], "angular_radius": 0.267, "radiance": [9, 9, 9]}}
     ]);
+    scene["panes"] = json!([{"name": "ruby", "centre": [0, 0, 5], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 1,
+        "height": 1, "thickness": 0.002, "layers": {"front": [0, 1, 2], "back": [0, 0, 0]}}]);
     fs::write(folder.path("all.json"), scene.to_string()).unwrap();
     folder
 }
@@ -193,6 +195,7 @@ fn what_mitsuba_has_no_twin_for_is_approximated_and_named() {
         "materials.varnish, materials.worn are approximated by `principled`: its base",
         "materials.worn is approximated by one wrap mode",
         "lights[soft] is approximated by `spot`",
+        "panes[ruby] is approximated by glass of one colour",
     ] {
         assert!(messages.contains(said), "no {said} in {messages}");
     }
@@ -200,6 +203,8 @@ fn what_mitsuba_has_no_twin_for_is_approximated_and_named() {
     let exported: Value = serde_json::from_slice(&fs::read(folder.path("out/scene.json")).unwrap()).unwrap();
     let approximations = exported["mitsuba_approximations"].as_array().unwrap();
     assert!(approximations.iter().any(|one| one["place"] == "lights[soft]" && one["by"] == "`spot`"));
+    let absorption = |channel: usize| exported["panes"][0]["absorption"][channel].as_f64().unwrap();
+    assert!(absorption(0) == 0.0 && (absorption(1) - 500.0).abs() < 1e-6 && (absorption(2) - 1000.0).abs() < 1e-6);
     assert_eq!(exported["materials"][2]["diffuse"]["reflectance"]["colour"], json!([0.5, 0.4, 0.3]));
     let xml = fs::read_to_string(folder.path("out/scene.xml")).unwrap();
     for part in [
