@@ -211,7 +211,8 @@ fn coordinates(
     of_material.or(of_light.map(|(_, set)| set)).unwrap_or_default()
 }
 
-/// The absorption coefficient of a body that lets as much light straight through as a pane with the layers on its faces.
+/// The absorption coefficient of a body that lets as much light straight through as a pane with the layers on its
+/// faces.
 fn with_layers(pane: &Glass) -> DVec3 {
     let layers = pane.layer(Face::Front, 1.0) * pane.layer(Face::Back, 1.0);
     let absorbance = layers.map(|through| -libm::log(through.max(f64::MIN_POSITIVE)));

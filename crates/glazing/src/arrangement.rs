@@ -32,8 +32,8 @@ pub(crate) struct Arrangement {
 }
 
 impl Arrangement {
-    /// The arrangement of polylines. Where two of them run along each other, the edge belongs to the first. `None` where
-    /// they meet more often than those of a window do.
+    /// The arrangement of polylines. Where two of them run along each other, the edge belongs to the first. `None`
+    /// where they meet more often than those of a window do.
     pub(crate) fn new(lines: &[Vec<DVec2>], tolerance: f64) -> Option<Self> {
         let mut vertices = VertexGrid::new(tolerance);
         let mut segments = Vec::new();
@@ -100,8 +100,8 @@ const PARALLEL: f64 = 1e-9;
 /// Most vertices on segments.
 const MAX_SPLITS: usize = 10 * MAX_PIECES;
 
-/// The vertices on each segment, besides its ends, with the part of its length at which they lie; `None` where there are
-/// too many.
+/// The vertices on each segment, besides its ends, with the part of its length at which they lie; `None` where there
+/// are too many.
 fn splits(segments: &[Edge], vertices: &mut VertexGrid, tolerance: f64) -> Option<Vec<Vec<(f64, usize)>>> {
     let mut splits = vec![Vec::new(); segments.len()];
     let mut count = 0;

@@ -33,6 +33,7 @@ mod parts;
 mod ply;
 mod polygon;
 pub(crate) mod profile;
+mod profile_limits;
 pub(crate) mod random;
 mod shading_point;
 mod sheet;

@@ -10,10 +10,9 @@ use glam::{DVec2, DVec3};
 
 use super::description::{PaneDescription, ProfileDescription, SheetCut, SheetDescription};
 use super::parts::SceneParts;
-use super::validate::{SizedFace, check_profile};
 use crate::geometry::{Face, Frame, Outline};
 use crate::settings::check::{Quoted, check_pair, check_range};
-use crate::settings::limits::{MAX_COORDINATE, PANE_EDGES};
+use crate::settings::limits::MAX_COORDINATE;
 use crate::settings::{Check, JsonPath, SceneError};
 
 /// A piece may reach beyond its sheet by this much, metres: decimal numbers round.
@@ -150,16 +149,4 @@ impl PaneDescription {
         }
         Ok(())
     }
-}
-
-/// Checks the size of a sheet and its reliefs.
-pub(in crate::scene) fn check_sheet(sheet: &SheetDescription, path: &JsonPath<'_>) -> Check {
-    let [least, most] = PANE_EDGES;
-    check_range(sheet.width, least, most, &path.member("width"))?;
-    check_range(sheet.height, least, most, &path.member("height"))?;
-    let size = SizedFace { width: sheet.width, height: sheet.height, relief: 1.0 };
-    for (face, profile) in sheet.faces() {
-        check_profile(profile, &size, &path.member(face_name(face)))?;
-    }
-    Ok(())
 }

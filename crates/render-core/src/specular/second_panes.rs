@@ -57,8 +57,9 @@ impl SecondPanes {
             let mut behind: [Option<Beyond>; 2] = [None; 2];
             for second in classes.iter().flat_map(|class| class.within_reach(pane)) {
                 let second = &panes[second as usize];
+                let is_near = distance(pane.world_bounds(), second.world_bounds()) <= reach(pane, second);
                 for near in [Face::Front, Face::Back] {
-                    if is_second(pane, near, second) {
+                    if is_near && is_second(pane, near, second) {
                         let normals = [pane, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
                         let found = Beyond {
                             change: change(second),
@@ -199,8 +200,9 @@ impl Beyond {
 /// Panes whose normals differ by no more than this chord stand parallel.
 const PARALLEL: f64 = 0.2;
 
-/// Whether a pane counts as a second one for points on the side of `near` of the first: it stands parallel to that, and
-/// all of it is beyond. Pieces of glass beside each other, a little tilted, are not.
+/// Whether a pane counts as a second one for points on the side of `near` of the first: it stands parallel to that, all
+/// of it is beyond the first, and all of the first is before it. Pieces of glass beside each other, a little tilted, are
+/// not.
 fn is_second(first: &Pane, near: Face, second: &Pane) -> bool {
     let [normal, other] = [first, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
     if normal.cross(other).length() > PARALLEL {
@@ -210,10 +212,20 @@ fn is_second(first: &Pane, near: Face, second: &Pane) -> bool {
         Face::Front => 1.0,
         Face::Back => -1.0,
     };
-    let [min, max] = second.local_bounds();
-    let middle = first.frame.point_to_local(second.frame.point_to_world(0.5 * (min + max))).z - 0.5 * first.thickness;
-    let half_depth = second.frame.vector_to_local(normal).abs().dot(0.5 * (max - min));
-    sign * middle - half_depth > 0.5 * first.thickness
+    is_beyond(first, second, sign) && is_beyond(second, first, -sign * normal.dot(other).signum())
+}
+
+/// Whether all of a pane is beyond another, towards the sign of the z of that.
+fn is_beyond(one: &Pane, other: &Pane, sign: f64) -> bool {
+    let [min, max] = other.local_bounds();
+    let middle = one.frame.point_to_local(other.frame.point_to_world(0.5 * (min + max))).z - 0.5 * one.thickness;
+    let across = other.frame.vector_to_local(one.frame.vector_to_world(DVec3::Z));
+    sign * middle - across.abs().dot(0.5 * (max - min)) > 0.5 * one.thickness
+}
+
+/// The distance between two boxes, metres.
+fn distance([min, max]: [DVec3; 2], [other_min, other_max]: [DVec3; 2]) -> f64 {
+    (other_min - max).max(min - other_max).max(DVec3::ZERO).length()
 }
 
 /// Panes of which the largest is at most twice as large as the smallest.
@@ -241,7 +253,7 @@ impl SizeClass {
         classes.into_values().map(class).collect()
     }
 
-    /// The panes that light may reach from a pane, without those for which it would be too far, and a few more.
+    /// The panes that light may reach from a pane, and some for which it would be too far.
     fn within_reach(&self, pane: &Pane) -> Vec<u32> {
         let reach = DVec3::splat(MOST_APART * self.longest.max(pane.size().max_element()));
         let [min, max] = pane.world_bounds();

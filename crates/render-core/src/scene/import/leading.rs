@@ -18,8 +18,8 @@ use crate::scene::window::{
 };
 use crate::settings::{Check, JsonPath};
 
-/// Makes leaded windows of flat shapes and of thin closed bodies of an import. They have the members of the windows of a
-/// scene; their openings are the shapes.
+/// Makes leaded windows of flat shapes and of thin closed bodies of an import. They have the members of the windows of
+/// a scene; their openings are the shapes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LeadingRule {

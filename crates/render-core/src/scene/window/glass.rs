@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::colour::GlassColour;
 use crate::scene::description::{ProfileDescription, SheetDescription};
 use crate::scene::paint::PaintDescription;
-use crate::scene::sheet::check_sheet;
+use crate::scene::profile_limits::check_sheet;
 use crate::settings::check::{check_above, check_range};
 use crate::settings::{Check, JsonPath};
 
