@@ -35,8 +35,6 @@ fn folder() -> Folder {
         {"disk": {"name": "spot", "centre": [999, 0, 4], "normal": [0, 0, -2], "radius": 0.5, "radiance": [4, 4, 4]}},
         {"sun": {"name": "sun", "direction": [0, 3, 4], "angular_radius": 0.267, "radiance": [9, 9, 9]}}
     ]);
-    scene["panes"] = json!([{"name": "ruby", "centre": [0, 0, 5], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 1,
-        "height": 1, "thickness": 0.002, "layers": {"front": [0, 1, 2], "back": [0, 0, 0]}}]);
     fs::write(folder.path("all.json"), scene.to_string()).unwrap();
     folder
 }
@@ -185,6 +183,8 @@ fn what_mitsuba_has_no_twin_for_is_approximated_and_named() {
     };
     scene["lights"] = json!([spot("sharp", 30.0), spot("soft", 10.0),
         {"environment": {"name": "sky", "radiance": {"picture": {"file": "paint.exr"}}, "rotate": [0, 0, 90]}}]);
+    scene["panes"] = json!([{"name": "ruby", "centre": [0, 0, 5], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 1,
+        "height": 1, "thickness": 0.002, "layers": {"front": [0, 1, 2], "back": [0, 0, 0]}}]);
     fs::write(folder.path("all.json"), scene.to_string()).unwrap();
     let output = folder.run(&["export", "--to", "mitsuba", "all.json", "out"]);
     let messages = String::from_utf8(output.stderr).unwrap();

@@ -271,7 +271,7 @@ impl PaneAperture<'_> {
         if let Some(second) = second {
             second.behind(*pane, side.near)?;
             let light = through.polarisation.turned(|axis| frame.vector_to_world(axis));
-            let passed = SecondPanes::pass(scene, side, &exit, ray_origin, light, counters)?;
+            let passed = second.pass(scene, (*pane, side.near), &exit, ray_origin, light, counters)?;
             (exit, ray_origin) = (passed.exit, passed.surface);
             transmittance *= passed.transmittance;
         }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::side::PaneSide;
 use super::window::SourceBounds;
@@ -26,10 +26,18 @@ fn reach(first: &Pane, second: &Pane) -> f64 {
 #[derive(Debug)]
 pub(super) struct SecondPanes {
     /// For each pane, what is behind it for a point before its front face, and for one before its back face.
-    behind: Vec<[Option<Beyond>; 2]>,
+    behind: Vec<[Option<Behind>; 2]>,
     /// The panes that have another behind them, for points before their front faces, and for points before their back
     /// faces.
     trees: [PaneTree; 2],
+}
+
+/// The panes behind another.
+#[derive(Debug, Default)]
+struct Behind {
+    /// Their numbers, in ascending order.
+    panes: Vec<u32>,
+    bounds: Beyond,
 }
 
 /// A ray behind a second pane.
@@ -54,30 +62,33 @@ impl SecondPanes {
         let panes = scene.panes();
         let classes = SizeClass::of(panes);
         let of_pane = |pane: &Pane| {
-            let mut behind: [Option<Beyond>; 2] = [None; 2];
-            for second in classes.iter().flat_map(|class| class.within_reach(pane)) {
-                let second = &panes[second as usize];
-                let is_near = distance(pane.world_bounds(), second.world_bounds()) <= reach(pane, second);
-                for near in [Face::Front, Face::Back] {
-                    if is_near && is_second(pane, near, second) {
-                        let normals = [pane, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
-                        let found = Beyond {
-                            change: change(second),
-                            tilt: (normals[0] - normals[1] * normals[0].dot(normals[1]).signum()).length(),
-                            thickness: second.thickness,
-                            apart: reach(pane, second),
-                        };
-                        let behind = &mut behind[number(near)];
-                        *behind = Some(behind.unwrap_or_default().or(&found));
-                    }
+            let mut behind: [Option<Behind>; 2] = [None, None];
+            for number in classes.iter().flat_map(|class| class.within_reach(pane)) {
+                let second = &panes[number as usize];
+                let near = [(Face::Front, 1.0), (Face::Back, -1.0)]
+                    .into_iter()
+                    .find(|(_, sign)| is_second(pane, second, *sign));
+                if let Some((near, _)) = near {
+                    let normals = [pane, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
+                    let found = Beyond {
+                        change: change(second),
+                        tilt: (normals[0] - normals[1] * normals[0].dot(normals[1]).signum()).length(),
+                        thickness: second.thickness,
+                        apart: reach(pane, second),
+                    };
+                    let behind = behind[self::number(near)].get_or_insert_default();
+                    behind.bounds = behind.bounds.or(&found);
+                    behind.panes.push(number);
                 }
             }
+            behind.iter_mut().flatten().for_each(|behind| behind.panes.sort_unstable());
             behind
         };
-        let behind: Vec<[Option<Beyond>; 2]> = panes.iter().map(of_pane).collect();
+        let behind: Vec<[Option<Behind>; 2]> = panes.iter().map(of_pane).collect();
         let trees = [Face::Front, Face::Back].map(|near| {
             let numbered = (0u32..).zip(panes).zip(&behind);
-            let first = numbered.filter_map(|((index, pane), behind)| Some((index, pane, behind[number(near)]?)));
+            let bounds = |behind: &[Option<Behind>; 2]| Some(behind[number(near)].as_ref()?.bounds);
+            let first = numbered.filter_map(|((index, pane), behind)| Some((index, pane, bounds(behind)?)));
             PaneTree::over(first)
         });
         Self { behind, trees }
@@ -89,7 +100,16 @@ impl SecondPanes {
 
     /// What is behind a pane as seen from the side of `near`.
     pub(super) fn behind(&self, pane: u32, near: Face) -> Option<&Beyond> {
-        self.behind[pane as usize][number(near)].as_ref()
+        self.behind[pane as usize][number(near)].as_ref().map(|behind| &behind.bounds)
+    }
+
+    /// Whether light goes on through a pane, that comes out of another one on the side of `near` of that, after a
+    /// distance, metres.
+    fn goes_on(&self, scene: &Scene, (pane, near): (u32, Face), second: u32, distance: f64) -> bool {
+        let [first_pane, second_pane] = [pane, second].map(|index| &scene.panes()[index as usize]);
+        let behind = &self.behind[pane as usize][number(near)];
+        distance <= reach(first_pane, second_pane)
+            && behind.as_ref().is_some_and(|behind| behind.panes.binary_search(&second).is_ok())
     }
 
     /// The panes that have another behind one of their faces.
@@ -108,8 +128,9 @@ impl SecondPanes {
 
     /// What becomes of a ray that has come out of a pane and meets another; `None` where nothing comes through.
     pub(super) fn pass(
+        &self,
         scene: &Scene,
-        first: &PaneSide<'_>,
+        first: (u32, Face),
         ray: &Ray,
         ray_origin: SurfaceId,
         light: Polarisation,
@@ -118,8 +139,7 @@ impl SecondPanes {
         let hit = scene.accelerator().closest_hit(ray, f64::INFINITY, ray_origin, counters)?;
         let Surface::Pane { index, .. } = hit.surface else { return None };
         let pane = &scene.panes()[index as usize];
-        let is_near = hit.distance <= reach(first.pane, pane);
-        if scene.media().is_immersed(index) || !is_near || !is_second(first.pane, first.near, pane) {
+        if scene.media().is_immersed(index) || !self.goes_on(scene, first, index, hit.distance) {
             return None;
         }
         if scene.blocked_by_light(ray, hit.distance, None) {
@@ -155,12 +175,10 @@ impl SecondPanes {
         let before = SpecularPath { links: first, last_direction: entering.direction, ..*path };
         let Some(pane) = coverage::through_one_pane(scene, point, &before) else { return false };
         let SurfaceId::Pane { index: second_pane, .. } = entering.surface else { return false };
-        let [first_pane, second_pane] = [pane, second_pane].map(|index| &scene.panes()[index as usize]);
         let SurfaceId::Pane { face: near, .. } = first[0].surface else { return false };
         let between = ShadingPoint { position: leaving.position, ..*point };
         let behind = SpecularPath { links: second, ..*path };
-        is_second(first_pane, near, second_pane)
-            && leaving.position.distance(entering.position) <= reach(first_pane, second_pane)
+        self.goes_on(scene, (pane, near), second_pane, leaving.position.distance(entering.position))
             && coverage::through_one_pane(scene, &between, &behind).is_some()
     }
 }
@@ -200,27 +218,52 @@ impl Beyond {
 /// Panes whose normals differ by no more than this chord stand parallel.
 const PARALLEL: f64 = 0.2;
 
-/// Whether a pane counts as a second one for points on the side of `near` of the first: it stands parallel to that, all
-/// of it is beyond the first, and all of the first is before it. Pieces of glass beside each other, a little tilted, are
-/// not.
-fn is_second(first: &Pane, near: Face, second: &Pane) -> bool {
+/// Whether a pane counts as a second one for light that comes out of the first towards the sign of its z. It is within
+/// reach and stands parallel to the first. All of it is beyond the first, and all of the first is before it. Light
+/// between them rises by [`LEAST_RISE`] at least. Pieces of glass beside each other, a little tilted, are not.
+fn is_second(first: &Pane, second: &Pane, sign: f64) -> bool {
     let [normal, other] = [first, second].map(|pane| pane.frame.vector_to_world(DVec3::Z));
-    if normal.cross(other).length() > PARALLEL {
-        return false;
-    }
-    let sign = match near {
-        Face::Front => 1.0,
-        Face::Back => -1.0,
-    };
-    is_beyond(first, second, sign) && is_beyond(second, first, -sign * normal.dot(other).signum())
+    normal.cross(other).length() <= PARALLEL
+        && distance(first.world_bounds(), second.world_bounds()) <= reach(first, second)
+        && rise(second, first, -sign * normal.dot(other).signum()) > 0.0
+        && rise(first, second, sign) > LEAST_RISE * aside(first, second)
 }
 
-/// Whether all of a pane is beyond another, towards the sign of the z of that.
-fn is_beyond(one: &Pane, other: &Pane, sign: f64) -> bool {
+/// Light that goes aside from one pane to another rises by at least this part of the way.
+const LEAST_RISE: f64 = 0.2;
+
+/// How far another pane is beyond one, towards the sign of the z of that, metres; less than 0 where a part is not.
+fn rise(one: &Pane, other: &Pane, sign: f64) -> f64 {
     let [min, max] = other.local_bounds();
     let middle = one.frame.point_to_local(other.frame.point_to_world(0.5 * (min + max))).z - 0.5 * one.thickness;
     let across = other.frame.vector_to_local(one.frame.vector_to_world(DVec3::Z));
-    sign * middle - across.abs().dot(0.5 * (max - min)) > 0.5 * one.thickness
+    sign * middle - across.abs().dot(0.5 * (max - min)) - 0.5 * one.thickness
+}
+
+/// How far another pane is beside one along the glass of that, metres; 0 where one covers a part of the other. It may
+/// be farther where corners look at each other.
+fn aside(one: &Pane, other: &Pane) -> f64 {
+    let of_other = other.outline.corners().iter().map(|corner| {
+        let place = other.frame.point_to_world(corner.extend(0.0));
+        one.frame.point_to_local(place).truncate()
+    });
+    let mut of_other: Vec<DVec2> = of_other.collect();
+    if one.frame.vector_to_world(DVec3::Z).dot(other.frame.vector_to_world(DVec3::Z)) < 0.0 {
+        // Seen from its back, it runs the other way round.
+        of_other.reverse();
+    }
+    let of_one = one.outline.corners();
+    beyond_edges(&of_one, &of_other).max(beyond_edges(&of_other, &of_one)).max(0.0)
+}
+
+/// The largest distance at which all of a convex polygon is beyond an edge of another one.
+fn beyond_edges(polygon: &[DVec2], other: &[DVec2]) -> f64 {
+    let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
+    let beyond = |(from, to): (&DVec2, &DVec2)| {
+        let outwards = -(*to - *from).normalize_or_zero().perp();
+        other.iter().map(|corner| outwards.dot(*corner - *from)).fold(f64::INFINITY, f64::min)
+    };
+    edges.map(beyond).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// The distance between two boxes, metres.
