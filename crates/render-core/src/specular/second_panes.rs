@@ -253,7 +253,7 @@ fn aside(one: &Pane, other: &Pane) -> f64 {
         of_other.reverse();
     }
     let of_one = one.outline.corners();
-    beyond_edges(&of_one, &of_other).max(beyond_edges(&of_other, &of_one)).max(0.0)
+    beyond_edges(of_one, &of_other).max(beyond_edges(&of_other, of_one)).max(0.0)
 }
 
 /// The largest distance at which all of a convex polygon is beyond an edge of another one.
