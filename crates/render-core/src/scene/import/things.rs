@@ -54,7 +54,14 @@ impl Expansion {
     /// What is in the file and not in the scene, or differs, and what a rule would make a pane of and is none: one
     /// sentence each.
     pub fn remarks(&self) -> impl Iterator<Item = String> {
-        let unglazed = self.unglazed.iter().map(|(name, reason)| format!("{name} is no pane: {reason}"));
+        let alike = self.unglazed.chunk_by(|first, second| first == second);
+        let unglazed = alike.flat_map(|pieces| {
+            let (name, reason) = pieces.first()?;
+            Some(match pieces.len() {
+                1 => format!("{name} is no pane: {reason}"),
+                count => format!("{count} pieces of {name} are no panes: {reason}"),
+            })
+        });
         self.notes.iter().cloned().chain(unglazed)
     }
 }

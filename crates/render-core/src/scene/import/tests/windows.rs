@@ -106,6 +106,15 @@ fn a_strip_that_is_too_narrow_for_a_pane_stays_a_mesh() {
 }
 
 #[test]
+fn what_becomes_no_pane_for_the_same_reason_is_counted() {
+    let mut thing = Expansion::default();
+    let reason = |text: &str| ("Window".to_owned(), text.to_owned());
+    thing.unglazed = vec![reason("it is bent"), reason("it is bent"), reason("it is thick")];
+    let remarks: Vec<String> = thing.remarks().collect();
+    assert_eq!(remarks, ["2 pieces of Window are no panes: it is bent", "Window is no pane: it is thick"]);
+}
+
+#[test]
 fn what_shines_without_an_area_is_dark_and_what_stands_behind_it_is_not() {
     let lamp = json!({"name": "Lamp", "emissiveFactor": [1, 1, 1]});
     let mut builder = Builder::square();
