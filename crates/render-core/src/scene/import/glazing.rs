@@ -199,13 +199,20 @@ fn loops(triangles: &[[DVec2; 3]]) -> Vec<Vec<DVec2>> {
         }
     }
     let mut loops = Vec::new();
-    while let Some(first) = next.iter().find(|(_, ends)| !ends.is_empty()).map(|(start, _)| *start) {
-        let (mut outline, mut at) = (Vec::new(), first);
-        while let Some((end, from)) = next.get_mut(&at).and_then(Vec::pop) {
+    while let Some((first, _)) = next.first_key_value() {
+        let (mut outline, mut at) = (Vec::new(), *first);
+        while let Some(ends) = next.get_mut(&at) {
+            let edge = ends.pop();
+            if ends.is_empty() {
+                next.remove(&at);
+            }
+            let Some((end, from)) = edge else { break };
             outline.push(from);
             at = end;
         }
-        loops.push(outline);
+        if !outline.is_empty() {
+            loops.push(outline);
+        }
     }
     loops
 }
