@@ -8,13 +8,16 @@
 //! no walls: next event estimation finds it, too. Both techniques count each wall as a vertex.
 
 mod among_bodies;
+mod from_light;
 mod media;
 mod stretch;
 
 use glam::DVec3;
 
+use self::from_light::LightSubpath;
 use self::media::{Around, Interface, Meeting, Start};
 use self::stretch::{Origin, Stretch};
+use super::light_subpaths::{FromCamera, Starts};
 use super::prepared::PreparedScene;
 use crate::bsdf::fresnel::{reflect, refract};
 use crate::bsdf::polarisation::{Fresnel, Polarisation};
@@ -56,6 +59,8 @@ pub struct PathTracer<'a> {
     filter: Option<&'a PathFilter>,
     method: Option<&'a dyn SpecularMethod>,
     chains: Vec<Chain>,
+    /// Where light subpaths begin, if there are any.
+    starts: Option<&'a Starts>,
     max_depth: u32,
     start: Start,
 }
@@ -110,6 +115,8 @@ struct Lobe<'a> {
     bodies: [DVec3; 2],
     /// The bodies that meet others, on both sides.
     around: [&'a Bodies; 2],
+    /// What light subpaths find of the path up to it.
+    by_light: FromCamera,
 }
 
 impl Lobe<'_> {
@@ -119,6 +126,15 @@ impl Lobe<'_> {
 
     fn pdf(&self, outgoing: DVec3) -> f64 {
         self.bsdf.pdf(self.at, self.incident, outgoing)
+    }
+
+    /// What light subpaths find of the path, if it goes on in a direction.
+    fn by_light(&self, outgoing: DVec3) -> f64 {
+        self.by_light.total(self.bsdf.pdf(self.at, -outgoing, -self.incident))
+    }
+
+    fn cosine(&self, outgoing: DVec3) -> f64 {
+        self.at.normals.geometric.dot(outgoing).abs()
     }
 
     /// What remains of light that comes from this far in a direction.
@@ -148,12 +164,14 @@ impl<'a> PathTracer<'a> {
         let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
         let max_depth = prepared.description().integrator.max_depth();
         let scene = prepared.scene();
-        Self { scene, filter: prepared.path_filter(), method, chains, max_depth, start: Start::of(scene) }
+        let starts = prepared.starts();
+        Self { scene, filter: prepared.path_filter(), method, chains, starts, max_depth, start: Start::of(scene) }
     }
 
     /// Traces one path from the camera.
     pub fn sample(&self, ray: Ray, stream: &mut SampleStream, counters: &mut Counters) -> PathSample {
         let mut sample = PathSample::default();
+        let from_light = self.light_subpath(stream, counters);
         let (around, body) = self.start.around(self.scene, &ray);
         let mut walk = Walk {
             ray,
@@ -168,13 +186,7 @@ impl<'a> PathTracer<'a> {
             depth: 0,
         };
         loop {
-            let hit = match walk.inside {
-                Some((pane, face)) => {
-                    self.scene.accelerator().closest_hit_inside(pane, &walk.ray, Some(face), counters)
-                }
-                None if !walk.around.is_air() => self.closest_hit_among_bodies(&walk, f64::INFINITY, counters),
-                None => self.scene.accelerator().closest_hit(&walk.ray, f64::INFINITY, walk.ray_origin, counters),
-            };
+            let hit = self.closest_hit(&walk, counters);
             let distance = hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance);
             if walk.inside.is_none()
                 && let Some((index, light_hit)) = self.nearest_light(&walk, distance)
@@ -216,7 +228,7 @@ impl<'a> PathTracer<'a> {
                 (meeting, Surface::Triangle { index, barycentric }) => {
                     let interface = if let Meeting::Surface(interface) = meeting { Some(interface) } else { None };
                     let triangle = (index, barycentric, interface);
-                    self.surface(&mut walk, hit.distance, triangle, &mut sample, stream, counters)
+                    self.surface(&mut walk, hit.distance, triangle, &from_light, &mut sample, stream, counters)
                 }
                 (Meeting::Black, _) => false,
                 (_, Surface::Pane { index, .. }) => self.glass(&mut walk, index, &hit, stream),
@@ -224,6 +236,16 @@ impl<'a> PathTracer<'a> {
             if !goes_on || !self.survives(&mut walk, stream) {
                 return sample;
             }
+        }
+    }
+
+    /// What a path meets next.
+    fn closest_hit(&self, walk: &Walk, counters: &mut Counters) -> Option<Hit> {
+        let accelerator = self.scene.accelerator();
+        match walk.inside {
+            Some((pane, face)) => accelerator.closest_hit_inside(pane, &walk.ray, Some(face), counters),
+            None if !walk.around.is_air() => self.closest_hit_among_bodies(walk, f64::INFINITY, counters),
+            None => accelerator.closest_hit(&walk.ray, f64::INFINITY, walk.ray_origin, counters),
         }
     }
 
@@ -282,28 +304,25 @@ impl<'a> PathTracer<'a> {
             return DVec3::ZERO;
         }
         let carried = walk.throughput * hit.radiance * through_body(walk.body, hit.distance);
-        let Some(Origin { point, receiver, pdf: density, gathers_behind }) = walk.stretch.from else { return carried };
+        let Some(origin) = &walk.stretch.from else { return carried };
         if walk.stretch.is_unseen {
             return carried;
         }
         if walk.stretch.links.is_empty() {
-            let asked = self.scene.light_sampler().probability(light, &receiver);
+            let asked = self.scene.light_sampler().probability(light, &origin.receiver);
             // As seen from the vertex, before all walls.
-            let ray = Ray::new(point.position, walk.ray.direction);
+            let ray = Ray::new(origin.point.position, walk.ray.direction);
             let hit = LightHit { distance: walk.stretch.length + hit.distance, ..*hit };
-            let light_density = self.scene.pdf_li(light, &receiver, &ray, &hit) * asked;
-            return carried * (density / (density + light_density));
+            let light_density = self.scene.pdf_li(light, &origin.receiver, &ray, &hit) * asked;
+            let is_straight = walk.stretch.is_straight();
+            let by_light = if is_straight { origin.by_light } else { 0.0 };
+            let by_light = self.straight_by_light(light, &ray, &hit, origin.cosine, by_light);
+            return carried * (origin.pdf / (origin.pdf + light_density + by_light));
         }
-        let Some(method) = self.method else { return carried };
         let source = if hit.distance.is_finite() {
             Source::Point(walk.ray.at(hit.distance))
         } else {
             Source::Direction(walk.ray.direction)
-        };
-        // Methods gather light on the side of a normal: what other BSDFs transmit from behind is left to chance.
-        let towards = walk.stretch.links[0].direction;
-        let Some(point) = sides(point, gathers_behind).find(|side| towards.dot(side.normal) > 0.0) else {
-            return carried;
         };
         let path = SpecularPath {
             light,
@@ -312,16 +331,35 @@ impl<'a> PathTracer<'a> {
             last_direction: walk.ray.direction,
             links: &walk.stretch.links,
         };
-        let is_owned = !walk.stretch.is_left_to_chance && method.owns(self.scene, &point, &path, counters);
-        if is_owned { DVec3::ZERO } else { carried }
+        if walk.stretch.is_left_to_chance || self.owner(origin.point, origin.gathers_behind, &path, counters).is_none()
+        {
+            return carried * self.share_of_chance(origin, walk, light, hit);
+        }
+        DVec3::ZERO
+    }
+
+    /// The side of a point on which the method looks for a path.
+    fn owner(
+        &self,
+        point: ShadingPoint,
+        gathers_behind: bool,
+        path: &SpecularPath<'_>,
+        counters: &mut Counters,
+    ) -> Option<ShadingPoint> {
+        // Methods gather light on the side of a normal: what other BSDFs transmit from behind is left to chance.
+        let towards = path.links[0].direction;
+        let side = sides(point, gathers_behind).find(|side| towards.dot(side.normal) > 0.0)?;
+        self.method?.owns(self.scene, &side, path, counters).then_some(side)
     }
 
     /// Adds the light that a surface scatters into the path, and scatters the path; false when the path ends.
+    #[expect(clippy::too_many_arguments, reason = "where a path is, and all that it meets there")]
     fn surface(
         &self,
         walk: &mut Walk,
         distance: f64,
         (triangle, barycentric, interface): (u32, [f64; 2], Option<Interface>),
+        from_light: &LightSubpath<'_>,
         sample: &mut PathSample,
         stream: &mut SampleStream,
         counters: &mut Counters,
@@ -342,12 +380,9 @@ impl<'a> PathTracer<'a> {
         if absorbs != DVec3::ZERO {
             walk.throughput *= absorption(absorbs, distance);
         }
-        // A thin wall bounds no body: behind it is what was before it.
-        let behind = match (bsdf.absorption(), leaves) {
-            _ if let Some(interface) = &interface => interface.behind().absorption,
-            (coefficient, _) if coefficient == DVec3::ZERO => absorbs,
-            (_, true) => DVec3::ZERO,
-            (coefficient, false) => coefficient,
+        let behind = match &interface {
+            Some(interface) => interface.behind().absorption,
+            None => absorption_behind(bsdf, leaves, absorbs),
         };
         let ray_origin = SurfaceId::Triangle(triangle);
         let position = walk.ray.at(distance);
@@ -367,13 +402,20 @@ impl<'a> PathTracer<'a> {
             let receiver = Receiver { position, side };
             let before = walk.around.bodies();
             let around = [before, interface.as_ref().map_or(before, Interface::bodies_behind)];
-            let lobe = Lobe { bsdf, at: &at, incident, receiver, bodies: [absorbs, behind], around };
+            let is_open = walk.around.is_air() && interface.is_none();
+            let by_light = if is_open { self.by_light(walk, &at, position) } else { FromCamera::default() };
+            let lobe = Lobe { bsdf, at: &at, incident, receiver, bodies: [absorbs, behind], around, by_light };
             self.add_scattered(walk, &here, &lobe, carried, &mut sample.radiance, stream, counters);
-            point = Some((here, receiver));
+            if is_open {
+                sample.radiance += carried * self.connected_light(walk, &here, &lobe, from_light, counters);
+            }
+            point = Some((here, receiver, by_light));
         }
         let next = bsdf.sample_polarised(&at, incident, &mut walk.polarisation, stream);
         let Some(next) = next else { return false };
         walk.throughput *= next.weight;
+        let by_light = |by_light: FromCamera| by_light.total(bsdf.pdf(&at, -next.direction, -incident));
+        let cosine = next.direction.dot(at.normals.geometric).abs();
         let goes_through = next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0;
         walk.body = if goes_through { behind } else { absorbs };
         // Methods were not asked for light among bodies.
@@ -388,13 +430,20 @@ impl<'a> PathTracer<'a> {
         match next.kind {
             SampleKind::Density(pdf) => {
                 let gathers_behind = bsdf.gathers_behind();
-                walk.stretch =
-                    Stretch::new(point.map(|(point, receiver)| Origin { point, receiver, pdf, gathers_behind }));
+                walk.stretch = Stretch::new(point.map(|(point, receiver, before)| Origin {
+                    point,
+                    receiver,
+                    pdf,
+                    gathers_behind,
+                    cosine,
+                    by_light: by_light(before),
+                }));
                 walk.stretch.is_left_to_chance = !was_asked;
                 true
             }
             SampleKind::Delta(event) => {
                 let link = Link { event, surface: ray_origin, position, direction: incident };
+                walk.stretch.choices = 0.0;
                 if event == SpecularEvent::Transmission && bsdf.as_straight().is_some() && walk.around.is_air() {
                     walk.stretch.pass(link, distance);
                 } else {
@@ -459,10 +508,16 @@ impl<'a> PathTracer<'a> {
                 self.straight_way_among_bodies(&ray, sample.distance, point.surface, around, index, counters)
             };
             let Some(way) = way.filter(|way| self.fits(walk, way.walls)) else { continue };
-            let balance = sample.pdf.map_or(1.0, |pdf| {
-                let pdf = pdf * probability;
-                pdf / (pdf + lobe.pdf(sample.direction))
-            });
+            let (found, by_chance) = match sample.pdf {
+                Some(pdf) => (pdf * probability, lobe.pdf(sample.direction)),
+                // As if the point had an area that is drawn with certainty.
+                None => (sample.distance * sample.distance * probability, 0.0),
+            };
+            let by_light = if way.walls == 0 { lobe.by_light(sample.direction) } else { 0.0 };
+            let hit = LightHit { distance: sample.distance, radiance: DVec3::ZERO, triangle: None };
+            let cosine = lobe.cosine(sample.direction);
+            let by_light = self.straight_by_light(index, &ray, &hit, cosine, by_light);
+            let balance = found / (found + by_chance + by_light);
             let kept = lobe.kept(sample.direction, sample.distance);
             sum += way.transmittance * kept * sample.weight * (value * balance) / probability;
         }
@@ -483,7 +538,8 @@ impl<'a> PathTracer<'a> {
         let receiver = Receiver::anywhere(point.position);
         for AskedLight { light, probability } in self.scene.light_sampler().ask(&receiver, stream) {
             method.sample_li(self.scene, point, light, events, stream, counters, &mut |arrival| {
-                sum += arrival.weight * lobe.eval(arrival.direction) / probability;
+                let share = self.share_of_method(&arrival, light, probability, lobe);
+                sum += arrival.weight * lobe.eval(arrival.direction) * (share / probability);
             });
         }
         sum
@@ -512,12 +568,14 @@ impl<'a> PathTracer<'a> {
         let crosses = |inside: DVec3| pane.layer(face, inside.dot(normal));
         let (event, next) = match refraction {
             Some(refraction) if choice < transmitted => {
+                walk.stretch.choices *= transmitted;
                 walk.throughput *= crosses(if was_inside { direction } else { refraction.direction });
                 walk.inside = (!was_inside).then_some((index, face));
                 walk.polarisation = behind;
                 (SpecularEvent::Transmission, refraction.direction)
             }
             _ => {
+                walk.stretch.choices *= 1.0 - transmitted;
                 if was_inside {
                     walk.throughput *= crosses(direction) * crosses(direction);
                 }
@@ -568,6 +626,16 @@ impl<'a> PathTracer<'a> {
     }
 }
 
+/// What absorbs light behind a surface, per metre, if this does before it. A thin wall bounds no body: behind it is what
+/// was before it.
+fn absorption_behind(bsdf: &dyn Bsdf, leaves: bool, before: DVec3) -> DVec3 {
+    match (bsdf.absorption(), leaves) {
+        (coefficient, _) if coefficient == DVec3::ZERO => before,
+        (_, true) => DVec3::ZERO,
+        (coefficient, false) => coefficient,
+    }
+}
+
 /// What a body lets through over a distance. Where nothing ends it, it has no end and takes no light.
 fn through_body(coefficient: DVec3, distance: f64) -> DVec3 {
     if coefficient == DVec3::ZERO || !distance.is_finite() { DVec3::ONE } else { absorption(coefficient, distance) }
@@ -589,3 +657,5 @@ mod shining;
 mod tests;
 #[cfg(test)]
 mod thin_wall_tests;
+#[cfg(test)]
+mod weight_tests;

@@ -5,6 +5,7 @@ use std::fmt;
 
 use clerestory_film::Sampling;
 
+use super::light_subpaths::Starts;
 use crate::document::{PathFilter, SamplingDescription, SceneBundle, SceneDescription};
 use crate::scene::{BuildStep, ContentHash, Obstacles, Scene, SceneHash};
 use crate::settings::{JsonPath, SceneError};
@@ -29,6 +30,7 @@ pub struct PreparedScene {
     sampling: Sampling,
     cache: MethodCache,
     method: Option<Box<dyn SpecularMethod>>,
+    starts: Option<Starts>,
 }
 
 impl PreparedScene {
@@ -63,6 +65,7 @@ impl PreparedScene {
             import_notes,
             assets: asset_hashes(bundle),
             method: method(&description, &scene, &cache),
+            starts: starts(&description, &scene, path_filter.as_ref()),
             scene,
             path_filter,
             sampling,
@@ -99,16 +102,18 @@ impl PreparedScene {
         if !is_lit_alike {
             scene = scene.with_lights(description.parts());
         }
-        let method = if is_lit_alike && description.integrator == self.description.integrator {
-            self.method
+        let (method, starts) = if is_lit_alike && description.integrator == self.description.integrator {
+            (self.method, self.starts)
         } else {
-            method(&description, &scene, &self.cache)
+            let starts = starts(&description, &scene, self.path_filter.as_ref());
+            (method(&description, &scene, &self.cache), starts)
         };
         Ok(Self {
             hash: bundle.scene_hash(),
             sampling: sampling(file)?,
             file: file.clone(),
             description: description.into_owned(),
+            starts,
             method,
             scene,
             ..self
@@ -133,6 +138,11 @@ impl PreparedScene {
     /// The method for light by way of specular surfaces; `None` for path tracing alone.
     pub fn method(&self) -> Option<&dyn SpecularMethod> {
         self.method.as_deref()
+    }
+
+    /// Where light subpaths begin, if the integrator has any.
+    pub(super) fn starts(&self) -> Option<&Starts> {
+        self.starts.as_ref()
     }
 
     /// The light path expression to which rendering is restricted.
@@ -178,6 +188,19 @@ fn method(description: &SceneDescription, scene: &Scene, cache: &MethodCache) ->
     let method = description.integrator.build(scene, cache)?;
     Some(with_double_glazing(with_environment(method, scene, cache), scene, cache))
 }
+
+/// The starts of light subpaths, if the settings have any and if a path may have two surfaces that scatter light.
+fn starts(description: &SceneDescription, scene: &Scene, filter: Option<&PathFilter>) -> Option<Starts> {
+    let has_connections = || match (filter, PathFilter::parse(CONNECTED)) {
+        (Some(filter), Ok(connected)) => filter.shares_a_path(&connected),
+        _ => true,
+    };
+    let has_any = description.integrator.has_light_subpaths() && has_connections();
+    if has_any { Starts::new(scene) } else { None }
+}
+
+/// The paths that have an edge between two surfaces that scatter light.
+const CONNECTED: &str = "(D|R|T)* D D (D|R|T)* L";
 
 /// The pictures of lights.
 fn light_pictures(description: &SceneDescription) -> impl Iterator<Item = &str> {

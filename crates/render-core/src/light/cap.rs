@@ -23,3 +23,10 @@ pub(super) fn sample(axis: DVec3, cos_radius: f64, sin_radius: f64, random: DVec
     let direction = Frame::around(axis).vector_to_world(DVec3::new(sine * cos, sine * sin, 1.0 - height));
     (direction, solid_angle(cos_radius, sin_radius))
 }
+
+/// A direction of the upper half space whose density is its cosine over pi.
+pub(super) fn cosine_direction(random: DVec2) -> DVec3 {
+    let radius = random.x.sqrt();
+    let (sin, cos) = libm::sincos(2.0 * PI * random.y);
+    DVec3::new(radius * cos, radius * sin, (1.0 - random.x).max(0.0).sqrt())
+}

@@ -64,6 +64,18 @@ pub struct LiSample {
     pub pdf: Option<f64>,
 }
 
+/// Light that leaves a light, drawn at random.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Emission {
+    /// Along which it leaves.
+    pub ray: Ray,
+    /// Radiance [W/(m2 sr)]; intensity of a point light [W/sr].
+    pub radiance: DVec3,
+    /// Density of the ray for each unit of area and of solid angle, over the cosine at which it leaves; of solid angle
+    /// alone for a point light.
+    pub density: f64,
+}
+
 /// Where a ray meets a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightHit {
@@ -173,6 +185,18 @@ pub trait Emitter: fmt::Debug + Send + Sync {
     /// Density with which [`Self::sample_source`] draws a source: per area for surfaces, per solid angle for lights at
     /// infinity, infinite for a point light.
     fn source_density(&self, centre: DVec3, radius: f64, source: Source) -> f64;
+
+    /// Draws a ray along which light leaves, about in proportion to the light on it; `None` for lights at infinity and
+    /// those that are surfaces of the scene.
+    fn emit(&self, _place: DVec2, _direction: DVec2) -> Option<Emission> {
+        None
+    }
+
+    /// [`Emission::density`] of light that arrives along a ray, which leads to the light; 0 where [`Self::emit`] draws
+    /// none.
+    fn emission_density(&self, _to_light: &Ray) -> f64 {
+        0.0
+    }
 
     /// The source where a ray meets the light, and the cosine of the angle at which it does; 1 for lights at infinity.
     fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64);

@@ -5,7 +5,8 @@ use std::fmt::Debug;
 
 use glam::{DVec2, DVec3};
 
-use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, Receiver, Source, SourceSample};
+use super::cap;
+use super::{Body, Emission, EmissionCone, Emitter, LiSample, LightBounds, LightHit, Receiver, Source, SourceSample};
 use crate::geometry::{Frame, Ray};
 
 /// A shape in the plane of x and y, around the origin.
@@ -85,6 +86,16 @@ impl<S: FlatShape> Emitter for FlatLight<S> {
 
     fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {
         1.0 / self.shape.area()
+    }
+
+    fn emit(&self, place: DVec2, direction: DVec2) -> Option<Emission> {
+        let origin = self.frame.point_to_world(self.shape.sample(place).extend(0.0));
+        let ray = Ray::new(origin, self.frame.vector_to_world(cap::cosine_direction(direction)));
+        Some(Emission { ray, radiance: self.radiance, density: self.emission_density(&ray) })
+    }
+
+    fn emission_density(&self, _: &Ray) -> f64 {
+        1.0 / (PI * self.shape.area())
     }
 
     fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64) {

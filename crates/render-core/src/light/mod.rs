@@ -35,7 +35,7 @@ pub use assets::LightAssets;
 pub(crate) use assets::{ShiningPicture, ShiningSurface};
 pub use cone::EmissionCone;
 pub use disk::DiskLight;
-pub use emitter::{Body, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
+pub use emitter::{Body, Emission, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
 pub use environment::{EnvironmentLight, EnvironmentRadiance};
 pub use environment_map::{EnvironmentMap, EnvironmentMaps};
 pub use mesh::MeshLight;

@@ -1,5 +1,6 @@
 //! A point that shines equally in all directions.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
@@ -7,8 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
-    SourceSample,
+    Body, Emission, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver,
+    Source, SourceSample, cap,
 };
 use crate::exchange::LightModel;
 use crate::geometry::Ray;
@@ -72,7 +73,7 @@ impl Emitter for Point {
     }
 
     fn power(&self) -> f64 {
-        4.0 * std::f64::consts::PI * (self.intensity.element_sum() / 3.0)
+        4.0 * PI * (self.intensity.element_sum() / 3.0)
     }
 
     fn emission_cone(&self) -> EmissionCone {
@@ -97,6 +98,16 @@ impl Emitter for Point {
 
     fn sample_source(&self, _: DVec3, _: f64, _: DVec2) -> SourceSample {
         SourceSample { source: Source::Point(self.position), normal: None, triangle: None, weight: self.intensity }
+    }
+
+    fn emit(&self, _: DVec2, direction: DVec2) -> Option<Emission> {
+        let (direction, _) = cap::sample(DVec3::Z, -1.0, 0.0, direction);
+        let ray = Ray::new(self.position, direction);
+        Some(Emission { ray, radiance: self.intensity, density: self.emission_density(&ray) })
+    }
+
+    fn emission_density(&self, _: &Ray) -> f64 {
+        1.0 / (4.0 * PI)
     }
 
     fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {

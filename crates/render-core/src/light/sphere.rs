@@ -8,8 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
-    SourceSample, cap,
+    Body, Emission, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver,
+    Source, SourceSample, cap,
 };
 use crate::exchange::LightModel;
 use crate::geometry::{Frame, Ray};
@@ -129,6 +129,17 @@ impl Emitter for Sphere {
         let density = self.source_density(centre, radius, source);
         let weight = if density > 0.0 { self.radiance / density } else { DVec3::ZERO };
         SourceSample { source, normal: Some(normal), triangle: None, weight }
+    }
+
+    fn emit(&self, place: DVec2, direction: DVec2) -> Option<Emission> {
+        let (normal, _) = cap::sample(DVec3::Z, -1.0, 0.0, place);
+        let frame = Frame { origin: self.centre + normal * self.radius, ..Frame::around(normal) };
+        let ray = Ray::new(frame.origin, frame.vector_to_world(cap::cosine_direction(direction)));
+        Some(Emission { ray, radiance: self.radiance, density: self.emission_density(&ray) })
+    }
+
+    fn emission_density(&self, _: &Ray) -> f64 {
+        1.0 / (4.0 * PI * PI * self.radius * self.radius)
     }
 
     fn source_density(&self, centre: DVec3, radius: f64, source: Source) -> f64 {

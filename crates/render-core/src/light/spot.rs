@@ -15,8 +15,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
-    SourceSample,
+    Body, Emission, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver,
+    Source, SourceSample, cap,
 };
 use crate::exchange::LightModel;
 use crate::geometry::Ray;
@@ -163,6 +163,18 @@ impl Emitter for Spot {
 
     fn sample_source(&self, _: DVec3, _: f64, _: DVec2) -> SourceSample {
         SourceSample { source: Source::Point(self.position), normal: None, triangle: None, weight: self.intensity }
+    }
+
+    fn emit(&self, _: DVec2, direction: DVec2) -> Option<Emission> {
+        let cosine = 1.0 - self.outer;
+        let (direction, _) = cap::sample(self.axis, cosine, (1.0 - cosine * cosine).max(0.0).sqrt(), direction);
+        let ray = Ray::new(self.position, direction);
+        let density = self.emission_density(&ray);
+        Some(Emission { ray, radiance: self.intensity * self.falloff(-direction), density })
+    }
+
+    fn emission_density(&self, _: &Ray) -> f64 {
+        1.0 / (2.0 * PI * self.outer)
     }
 
     fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {

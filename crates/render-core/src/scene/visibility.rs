@@ -83,12 +83,34 @@ impl Scene {
         let Some(triangle) = sample.triangle else {
             return self.blocked(ray, distance, ray_origin, None, Some(light), counters);
         };
-        let is_before = |hit: Hit| !matches!(hit.surface, Surface::Triangle { index, .. } if index == triangle);
         self.blocked_by_light(ray, distance, Some(light))
-            || self
-                .accelerator()
-                .closest_hit(ray, distance * (1.0 - SAME_PLACE), ray_origin, counters)
-                .is_some_and(is_before)
+            || self.is_before_triangle(ray, distance, ray_origin, triangle, counters)
+    }
+
+    /// Whether anything blocks the ray to a point of a triangle, at `distance`, wherever rounding puts that.
+    pub fn blocked_from_triangle(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        ray_origin: SurfaceId,
+        triangle: u32,
+        counters: &mut Counters,
+    ) -> bool {
+        self.blocked_by_light(ray, distance * (1.0 - SAME_PLACE), None)
+            || self.is_before_triangle(ray, distance, ray_origin, triangle, counters)
+    }
+
+    fn is_before_triangle(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        ray_origin: SurfaceId,
+        triangle: u32,
+        counters: &mut Counters,
+    ) -> bool {
+        let is_before = |hit: Hit| !matches!(hit.surface, Surface::Triangle { index, .. } if index == triangle);
+        let clear = distance * (1.0 - SAME_PLACE);
+        self.accelerator().closest_hit(ray, clear, ray_origin, counters).is_some_and(is_before)
     }
 
     /// Whether a light stands on the ray before `max_distance`, apart from the one that is named, and from those that

@@ -136,7 +136,7 @@ fn compare(integrator: &Value) -> Compared {
         let glass = &whole.scene().panes()[0];
         let side = super::side::PaneSide::facing(glass, position).unwrap();
         let mut left = of_cut.clone();
-        for Arrival { direction, weight } in of_whole {
+        for Arrival { direction, weight, .. } in of_whole {
             let ray = crate::geometry::Ray::new(position, direction);
             let through = side.transmit(&ray, &mut Counters::default()).unwrap();
             let piece_of =

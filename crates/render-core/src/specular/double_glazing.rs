@@ -14,6 +14,7 @@ use super::environment::Portals;
 use super::light_view::{Effort, LightView};
 use super::second_panes::SecondPanes;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_TWO_PANES};
+use crate::geometry::SurfaceId;
 use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
@@ -93,5 +94,26 @@ impl SpecularMethod for WithSecondPanes {
             return self.panes.owns(scene, point, path);
         }
         self.method.owns(scene, point, path, counters)
+    }
+
+    fn density(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        path: &SpecularPath<'_>,
+        counters: &mut Counters,
+    ) -> Option<f64> {
+        let events = path.links.iter().map(|link| link.event);
+        if !events.eq(THROUGH_TWO_PANES) || !Self::finds(scene, path.light) {
+            return self.method.density(scene, point, path, counters);
+        }
+        let first = path.links[0];
+        let SurfaceId::Pane { index, face } = first.surface else { return None };
+        if scene.light_sampler().environment() == Some(path.light) {
+            let portals = self.portals.as_ref()?;
+            return Some(portals.0.density(scene, point, path.light, (index, face), first.direction));
+        }
+        let view = LightView::new(scene, point, path.light, &Effort::at(point), Some(&self.panes));
+        Some(view.density_towards(index, first.direction))
     }
 }

@@ -13,7 +13,7 @@ use super::second_panes::SecondPanes;
 use super::side::{PaneSide, Transmission};
 use super::warp::{Warp, Weighted};
 use super::window::{SourceBounds, Window, seen_face};
-use super::{Arrival, coverage};
+use super::{Arrival, SampledPath, coverage};
 use crate::geometry::{Frame, Pane, Ray, SeenOutline, Shape, SurfaceId, Widened};
 use crate::light::{Light, LightBounds, LightHit};
 use crate::math::Rect;
@@ -221,6 +221,12 @@ impl<'a> LightView<'a> {
         patch.map_or(0.0, |patch| self.density_in(patch, place))
     }
 
+    /// The same in a direction, a unit vector, through a pane.
+    pub(super) fn density_towards(&self, pane: u32, direction: DVec3) -> f64 {
+        let aperture = self.apertures.iter().find(|aperture| aperture.pane == pane);
+        aperture.map_or(0.0, |aperture| self.density(pane, aperture.place(direction)))
+    }
+
     /// The same towards a place of a patch.
     fn density_in(&self, patch: &Patch<'_>, place: DVec2) -> f64 {
         let aperture = &self.apertures[patch.aperture];
@@ -237,6 +243,12 @@ pub(super) struct AimedRay {
 }
 
 impl PaneAperture<'_> {
+    /// Where a direction from the shading point crosses the near plane.
+    pub(super) fn place(&self, direction: DVec3) -> DVec2 {
+        let local = self.side.pane.frame.vector_to_local(direction);
+        self.origin.truncate() + local.truncate() * ((self.side.near_base() - self.origin.z) / local.z)
+    }
+
     /// Unit vector from the shading point towards a place of the near plane.
     pub(super) fn direction(&self, place: DVec2) -> DVec3 {
         let towards = place.extend(self.side.near_base()) - self.origin;
@@ -266,6 +278,7 @@ impl PaneAperture<'_> {
         }
         let mut exit = Ray::new(frame.point_to_world(through.exit), frame.vector_to_world(through.direction));
         let mut ray_origin = SurfaceId::Pane { index: *pane, face: side.far };
+        let mut transmitted = through.transmitted;
         let mut transmittance = through.transmittance;
         let first_exit = exit.origin;
         if let Some(second) = second {
@@ -273,6 +286,7 @@ impl PaneAperture<'_> {
             let light = through.polarisation.turned(|axis| frame.vector_to_world(axis));
             let passed = second.pass(scene, (*pane, side.near), &exit, ray_origin, light, counters)?;
             (exit, ray_origin) = (passed.exit, passed.surface);
+            transmitted *= passed.transmitted;
             transmittance *= passed.transmittance;
         }
         let hit = scene.lights()[light as usize].intersect(&exit)?;
@@ -286,7 +300,8 @@ impl PaneAperture<'_> {
             return None;
         }
         counters.unique_solutions += 1;
-        let arrival = Arrival { direction, weight: hit.radiance * transmittance / density };
+        let path = SampledPath { density, surface: ray_origin, exit, hit, transmitted };
+        let arrival = Arrival { direction, weight: hit.radiance * transmittance / density, path: Some(path) };
         Some(LightSample { arrival, density, through, exit, hit })
     }
 }

@@ -263,7 +263,7 @@ impl SolvedChain {
         }
         counters.unique_solutions += 1;
         let weight = sample.weight * self.chain.throughput * (self.factor.abs() * light_cosine * falloff);
-        Some(Arrival { direction, weight })
+        Some(Arrival { direction, weight, path: None })
     }
 
     /// Whether a light or a veil stands in the way before the last vertex, or anything behind it. The chain was traced

@@ -54,6 +54,8 @@ pub mod window;
 
 use glam::DVec3;
 
+use crate::geometry::{Ray, SurfaceId};
+use crate::light::LightHit;
 use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
@@ -68,6 +70,23 @@ pub struct Arrival {
     pub direction: DVec3,
     /// Estimate of radiance times solid angle [W/m2]; the cosine at the shading point is not included.
     pub weight: DVec3,
+    /// Its path, where the method can tell how densely it finds such; `None` where the path is the method's alone.
+    pub path: Option<SampledPath>,
+}
+
+/// The last part of a path that a method has found, and how densely it finds such.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampledPath {
+    /// Expected number of times that the method finds it, for each unit of solid angle at the shading point.
+    pub density: f64,
+    /// The specular surface next to the light.
+    pub surface: SurfaceId,
+    /// The ray from there to the light.
+    pub exit: Ray,
+    /// Where it meets the light.
+    pub hit: LightHit,
+    /// The fraction of the light that the faces let through, without what the glass absorbs.
+    pub transmitted: f64,
 }
 
 /// In through one face of a pane, and out through the other.
@@ -105,4 +124,16 @@ pub trait SpecularMethod: Send + Sync {
     /// Whether the method looks for this path to `point`: a function of these alone, so that the path tracer can own
     /// exactly the paths that the method does not look for.
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool;
+
+    /// Expected number of times that the method finds a path which it owns, for each unit of solid angle at `point`:
+    /// [`SampledPath::density`]. `None` where it cannot tell, and no other technique may find the path.
+    fn density(
+        &self,
+        _scene: &Scene,
+        _point: &ShadingPoint,
+        _path: &SpecularPath<'_>,
+        _counters: &mut Counters,
+    ) -> Option<f64> {
+        None
+    }
 }

@@ -91,7 +91,7 @@ impl<'a> Passage<'a> {
         counters.unique_solutions += 1;
         let factor = root.path.geometry_factor(root.determinant) * light_cosine;
         let weight = self.sample.weight * through.transmittance * (factor * falloff);
-        Some(Found { arrival: Arrival { direction, weight }, factor })
+        Some(Found { arrival: Arrival { direction, weight, path: None }, factor })
     }
 }
 

@@ -46,6 +46,8 @@ pub(super) struct Passed {
     pub(super) exit: Ray,
     /// Where it comes out.
     pub(super) surface: SurfaceId,
+    /// What both of its faces transmit together.
+    pub(super) transmitted: f64,
     /// What the pane lets through.
     pub(super) transmittance: DVec3,
 }
@@ -164,6 +166,7 @@ impl SecondPanes {
         Some(Passed {
             exit: Ray::new(leaving, frame.vector_to_world(through.direction)),
             surface: SurfaceId::Pane { index, face: side.far },
+            transmitted: through.transmitted,
             transmittance: through.transmittance,
         })
     }

@@ -36,6 +36,11 @@ pub trait MethodSettings {
         true
     }
 
+    /// Whether camera samples are connected to light subpaths.
+    fn has_light_subpaths(&self) -> bool {
+        false
+    }
+
     /// Where it chooses among methods: what it chooses, in words.
     fn chosen(&self, _: &Scene) -> Vec<String> {
         Vec::new()

@@ -39,7 +39,9 @@ pub struct Transmission {
     pub inner_direction: DVec3,
     /// Unit direction after the pane.
     pub direction: DVec3,
-    /// What both faces transmit together of unpolarised light, times absorption in the glass.
+    /// What both faces transmit together of the light.
+    pub transmitted: f64,
+    /// The same times what the glass and its layers leave.
     pub transmittance: DVec3,
     /// Polarisation after the pane.
     pub(crate) polarisation: Polarisation,
@@ -134,6 +136,7 @@ impl<'a> PaneSide<'a> {
             exit: exit.point,
             inner_direction: inner.direction,
             direction: outer.direction,
+            transmitted: first * second,
             transmittance: absorption(self.pane.absorption, exit.distance) * layers * (first * second),
             polarisation: light,
         })

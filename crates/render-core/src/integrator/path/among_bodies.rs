@@ -250,6 +250,7 @@ impl PathTracer<'_> {
             return false;
         }
         walk.stretch.is_left_to_chance |= self.scene.media().is_immersed(body);
+        walk.stretch.choices = 0.0;
         let link = Link { event, surface, position: point, direction };
         walk.stretch.push(link);
         walk.ray_origin = surface;

@@ -23,19 +23,45 @@ pub(super) struct Stretch {
     pub(super) is_left_to_chance: bool,
     /// Whether next event estimation finds none of it: it goes straight through what stops a shadow ray.
     pub(super) is_unseen: bool,
+    /// The probability of what happened at its specular vertices; 0 where light subpaths do not go its way, which are
+    /// panes alone.
+    pub(super) choices: f64,
 }
 
 impl Stretch {
     pub(super) fn new(from: Option<Origin>) -> Self {
-        Self { from, walls: 0, length: 0.0, links: ArrayVec::new(), is_left_to_chance: false, is_unseen: false }
+        Self {
+            from,
+            walls: 0,
+            length: 0.0,
+            links: ArrayVec::new(),
+            is_left_to_chance: false,
+            is_unseen: false,
+            choices: 1.0,
+        }
     }
 
     pub(super) fn push(&mut self, link: Link) {
-        self.is_left_to_chance |= self.walls > 0 || self.links.try_push(link).is_err();
+        let does_not_fit = self.walls > 0 || self.links.try_push(link).is_err();
+        if does_not_fit {
+            self.is_left_to_chance = true;
+            self.choices = 0.0;
+        }
+    }
+
+    /// Whether light subpaths may go its way.
+    pub(super) fn is_open(&self) -> bool {
+        self.choices > 0.0 && !self.is_unseen
+    }
+
+    /// Whether nothing is on it.
+    pub(super) fn is_straight(&self) -> bool {
+        self.is_open() && self.links.is_empty()
     }
 
     /// Goes straight through a wall, `distance` behind the last vertex. No method searches it.
     pub(super) fn pass(&mut self, wall: Link, distance: f64) {
+        self.choices = 0.0;
         if self.links.is_empty() && self.walls < MOST_PASSED {
             self.walls += 1;
             self.length += distance;
@@ -56,4 +82,8 @@ pub(super) struct Origin {
     pub(super) pdf: f64,
     /// Whether light from specular surfaces is gathered on both of its sides.
     pub(super) gathers_behind: bool,
+    /// The cosine of that direction.
+    pub(super) cosine: f64,
+    /// What light subpaths find of the path up to there.
+    pub(super) by_light: f64,
 }

@@ -107,4 +107,17 @@ impl SpecularMethod for Auto {
         let mut parts = self.parts.iter().filter(|part| part.finds(path.light, events.clone()));
         parts.any(|part| part.method.owns(scene, point, path, counters))
     }
+
+    fn density(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        path: &SpecularPath<'_>,
+        counters: &mut Counters,
+    ) -> Option<f64> {
+        let events = path.links.iter().map(|link| link.event);
+        let mut parts = self.parts.iter().filter(|part| part.finds(path.light, events.clone()));
+        let owner = parts.find(|part| part.method.owns(scene, point, path, counters))?;
+        owner.method.density(scene, point, path, counters)
+    }
 }

@@ -40,6 +40,10 @@ impl MethodSettings for AutoSettings {
         Ok(())
     }
 
+    fn has_light_subpaths(&self) -> bool {
+        true
+    }
+
     fn unfound(&self, contents: Contents) -> Vec<PathClass> {
         let panes = (contents.panes > 0 && contents.has_points).then(|| FNEE.unfound(contents));
         let several = ["TT", "TTTT", "RTT", "TTT", "TTR"].map(str::to_owned).to_vec();

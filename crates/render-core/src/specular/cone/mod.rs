@@ -46,4 +46,10 @@ impl SpecularMethod for Cone {
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> bool {
         coverage::through_one_pane(scene, point, path).is_some()
     }
+
+    fn density(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> Option<f64> {
+        let pane = coverage::through_one_pane(scene, point, path)?;
+        let view = LightView::new(scene, point, path.light, &Effort::at(point), None);
+        Some(view.density_towards(pane, path.links[0].direction))
+    }
 }

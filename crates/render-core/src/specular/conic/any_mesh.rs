@@ -365,7 +365,7 @@ fn a_hundred_thousand_calls_of_the_method_end_with_finite_light_over_any_mesh_un
                             let settings = SamplerSettings { seed: 6, samples_per_block: 1 };
                             let mut stream = SampleStream::new(&settings, 0, [index, number], 0);
                             let counters = &mut Counters::default();
-                            let mut arrive = |Arrival { direction, weight }: Arrival| {
+                            let mut arrive = |Arrival { direction, weight, .. }: Arrival| {
                                 let is_light = weight.is_finite() && weight.min_element() >= 0.0;
                                 let is_direction = (direction.length() - 1.0).abs() < 1e-9;
                                 assert!(

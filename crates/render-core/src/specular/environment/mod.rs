@@ -11,6 +11,7 @@ use std::sync::Arc;
 pub(super) use self::portals::Portals;
 use super::cache::MethodCache;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
+use crate::geometry::SurfaceId;
 use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
@@ -70,5 +71,20 @@ impl SpecularMethod for WithEnvironment {
             return coverage::through_one_pane(scene, point, path).is_some();
         }
         self.method.owns(scene, point, path, counters)
+    }
+
+    fn density(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        path: &SpecularPath<'_>,
+        counters: &mut Counters,
+    ) -> Option<f64> {
+        if scene.light_sampler().environment() != Some(path.light) {
+            return self.method.density(scene, point, path, counters);
+        }
+        let first = path.links[0];
+        let SurfaceId::Pane { index, face } = first.surface else { return None };
+        Some(self.portals.density(scene, point, path.light, (index, face), first.direction))
     }
 }

@@ -75,12 +75,7 @@ impl Portals {
         arrive: &mut dyn FnMut(Arrival),
     ) {
         let source = &scene.lights()[light as usize];
-        let is_first = point.bounces == 0;
-        let rays = Rays {
-            receiver: Receiver { position: point.position, side: Side::Front(point.normal) },
-            to_panes: if is_first { f64::from(FIRST_RAYS) } else { 1.0 },
-            to_light: if is_first && is_uneven(source) { 1.0 } else { 0.0 },
-        };
+        let rays = Rays::from(point, source);
         let random = stream.next_2d();
         let start = with_finer_places(random.x, stream);
         for ray in 0..rays.to_panes as u32 {
@@ -100,12 +95,7 @@ impl Portals {
         if rays.to_light > 0.0 {
             let random = stream.next_2d();
             if let Some((seen, place)) = straight_to_light(scene, point, source, random, counters) {
-                let by_pane = if seen.holds(place) {
-                    self.tree.probability(seen.portal, &rays.receiver) * seen.density(place)
-                } else {
-                    0.0
-                };
-                let density = rays.density(&seen, place, by_pane, source);
+                let density = self.density_at(&rays, &seen, place, source);
                 if let Some(found) =
                     seen.aperture.look(scene, point, light, AimedRay { place, density }, second, counters)
                 {
@@ -116,7 +106,42 @@ impl Portals {
     }
 }
 
+impl Portals {
+    /// The expected number of rays from a point to the environment `light`, for each unit of solid angle in a direction
+    /// to a face of a pane.
+    pub(in crate::specular) fn density(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        (pane, face): (u32, Face),
+        direction: DVec3,
+    ) -> f64 {
+        let source = &scene.lights()[light as usize];
+        let seen = SeenPortal::new(scene, point, number(pane, face));
+        seen.map_or(0.0, |seen| {
+            self.density_at(&Rays::from(point, source), &seen, seen.aperture.place(direction), source)
+        })
+    }
+
+    /// The same towards a place of a portal.
+    fn density_at(&self, rays: &Rays, seen: &SeenPortal<'_>, place: DVec2, source: &Light) -> f64 {
+        let by_pane = if seen.holds(place) {
+            self.tree.probability(seen.portal, &rays.receiver) * seen.density(place)
+        } else {
+            0.0
+        };
+        rays.density(seen, place, by_pane, source)
+    }
+}
+
+/// The number of a face in the tree.
+fn number(pane: u32, face: Face) -> u32 {
+    pane * FACES.len() as u32 + u32::from(face == FACES[1])
+}
+
 /// How many rays of each kind go out from a point.
+#[derive(Clone, Copy, Debug)]
 struct Rays {
     receiver: Receiver,
     to_panes: f64,
@@ -124,6 +149,15 @@ struct Rays {
 }
 
 impl Rays {
+    fn from(point: &ShadingPoint, source: &Light) -> Self {
+        let is_first = point.bounces == 0;
+        Self {
+            receiver: Receiver { position: point.position, side: Side::Front(point.normal) },
+            to_panes: if is_first { f64::from(FIRST_RAYS) } else { 1.0 },
+            to_light: if is_first && is_uneven(source) { 1.0 } else { 0.0 },
+        }
+    }
+
     /// The expected number of rays for each unit of solid angle towards a place of a portal, which a ray to a pane goes
     /// to with the density `by_pane`.
     fn density(&self, seen: &SeenPortal<'_>, place: DVec2, by_pane: f64, source: &Light) -> f64 {
@@ -242,10 +276,7 @@ fn straight_to_light<'a>(
     let hit = scene.accelerator().solid().closest_hit(&ray, f64::INFINITY, point.surface, counters)?;
     let Surface::Pane { index, hit } = hit.surface else { return None };
     let PaneBoundary::Face(face) = hit.boundary else { return None };
-    let number = FACES.iter().position(|known| *known == face)?;
-    let seen = SeenPortal::new(scene, point, index * FACES.len() as u32 + number as u32)?;
-    let PaneAperture { side, origin, .. } = &seen.aperture;
-    let local = side.pane.frame.vector_to_local(direction);
-    let place = origin.truncate() + local.truncate() * ((side.near_base() - origin.z) / local.z);
+    let seen = SeenPortal::new(scene, point, number(index, face))?;
+    let place = seen.aperture.place(direction);
     Some((seen, place))
 }

@@ -189,7 +189,8 @@ impl SpecularMethod for Fnee {
             view.cast(random, counters, &mut |light_sample, aperture| {
                 let share = light_sample.density
                     / (light_sample.density + density_of_light_sample(scene, light, &light_sample, aperture));
-                arrive(Arrival { weight: light_sample.arrival.weight * share, ..light_sample.arrival });
+                let Arrival { direction, weight, .. } = light_sample.arrival;
+                arrive(Arrival { direction, weight: weight * share, path: None });
             });
         }
         let choice = self.selection.choose(scene, point, &sample, panes.len(), stream, counters);

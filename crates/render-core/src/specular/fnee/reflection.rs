@@ -246,7 +246,7 @@ impl<'a> ReflectionSearch<'a> {
         let refraction = refract(first, unit_normal(jet.gradient), 1.0, geometry.index_of_refraction);
         let reflected = refraction.map_or(1.0, |refraction| refraction.fresnel.reflectance());
         let factor = root.path.geometry_factor(root.determinant) * light_cosine * falloff;
-        Some(Arrival { direction, weight: sample.weight * (reflected * factor) })
+        Some(Arrival { direction, weight: sample.weight * (reflected * factor), path: None })
     }
 }
 

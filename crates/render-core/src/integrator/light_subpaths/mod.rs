@@ -1,0 +1,12 @@
+//! Light subpaths: from a light through a pane into the room, as far as surfaces that scatter light into a solid angle.
+//!
+//! What came through glass goes on bouncing. A path from the camera seldom finds the small bright patch from which that
+//! light comes; a light subpath begins there. Each camera sample has its own, and connects its vertices to it (Veach
+//! and Guibas 1994, "Bidirectional estimators for light transport"). `starts` chooses where a light subpath begins, and
+//! `weights` how techniques that find the same path share it.
+
+mod starts;
+mod weights;
+
+pub(super) use self::starts::{PlaceOnFace, Start, Starts};
+pub(super) use self::weights::{Edge, FromCamera, FromLight, SUBPATHS, connection_share};

@@ -1,0 +1,100 @@
+//! How the techniques that find one path share it: the balance heuristic (Veach and Guibas 1995), path by path.
+//!
+//! A path has the vertices v1 to vn, from the camera, at which light is scattered into a solid angle. Specular vertices
+//! between two of them, or between vn and the light, belong to the edge there. Edges without any are straight. Each
+//! straight edge between vi and vi+1 is a technique: the camera's walk has found v1 to vi, a light subpath vn to vi+1,
+//! and both are connected. One more is that the camera's walk has found all of them and a specular method, or chance,
+//! the light at vn.
+//!
+//! Densities are for each unit of area at v1 and of solid angle at each vi, towards the light. With the densities c of
+//! the camera's directions and l of the light's, the cosines at both ends of an edge and its length d, light keeps its
+//! etendue on an edge:
+//!
+//! ```text
+//! D(n) = start(path) cos(n)                           a light subpath begins
+//! D(i) = D(i+1) l(i+1) cos(i) / cos(i+1)              and goes on: density at vi
+//! P(i) = M c(1) ... c(i-1) D(i+1) d^2 / cos(i+1)      a connection of vi and vi+1, one of M
+//! P(n) = c(1) ... c(n-1) m                            a method that finds light at vn with the density m
+//! ```
+//!
+//! The probabilities with which both walks follow a specular chain are equal, because the fraction of unpolarised light
+//! that a chain of transparent faces lets through is the same in both directions. So they stand in D(n) alone. Each walk
+//! carries the sum of the P over all techniques before it, over what it has in common with them; whatever it has not yet
+//! drawn stands outside. Roulette changes no weight.
+
+/// Light subpaths for each camera sample.
+pub(in crate::integrator) const SUBPATHS: u32 = 1;
+
+/// What light subpaths find of a path up to a vertex vi of the camera's walk: the sum of all P(k) with k < i, over c(1)
+/// to c(i-1) and D(i).
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::integrator) struct FromCamera {
+    /// The connection to the vertex before.
+    near: f64,
+    /// The others, for each unit of l(i).
+    beyond: f64,
+}
+
+/// An edge of a path, as the walk that has found it sees it.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::integrator) struct Edge {
+    /// The square of its length if it is straight; `None` where it goes through panes.
+    pub(in crate::integrator) straight: Option<f64>,
+    /// Cosines at its beginning and its end.
+    pub(in crate::integrator) cosines: [f64; 2],
+    /// Density with which its direction was drawn.
+    pub(in crate::integrator) pdf: f64,
+}
+
+impl Edge {
+    /// What connects its ends, and what goes beyond its beginning.
+    fn parts(&self) -> [f64; 2] {
+        let [first, last] = self.cosines;
+        let drawn = self.pdf * last;
+        [f64::from(SUBPATHS) * self.straight.unwrap_or(0.0) / drawn, first / drawn]
+    }
+}
+
+impl FromCamera {
+    /// At the end of an edge, at whose beginning light subpaths find `before`.
+    pub(in crate::integrator) fn behind(edge: &Edge, before: f64) -> Self {
+        let [near, beyond] = edge.parts();
+        Self { near, beyond: beyond * before }
+    }
+
+    /// The sum, if light would go on from the vertex with this density.
+    pub(in crate::integrator) fn total(&self, of_light: f64) -> f64 {
+        self.near + self.beyond * of_light
+    }
+}
+
+/// What techniques find of a path of which a light subpath has found the rest, at a vertex vi of that: the sum of all
+/// P(k) with k >= i, over c(1) to c(i-1) and D(i).
+#[derive(Clone, Copy, Debug)]
+pub(in crate::integrator) struct FromLight {
+    near: f64,
+    /// The others, for each unit of c(i) and of the sum at the vertex before.
+    beyond: f64,
+}
+
+impl FromLight {
+    /// At the end of an edge.
+    pub(in crate::integrator) fn behind(edge: &Edge) -> Self {
+        let [near, beyond] = edge.parts();
+        Self { near, beyond }
+    }
+
+    /// The sum, if the camera would go on from the vertex with the density `of_camera`, and if that at the vertex before
+    /// is `before`.
+    pub(in crate::integrator) fn total(&self, of_camera: f64, before: f64) -> f64 {
+        self.near + self.beyond * of_camera * before
+    }
+}
+
+/// The share of a connection of a camera's vertex and a light's vertex: cosines at both, the square of the length, and,
+/// at each, the sum of what the other techniques find with the density of drawing the edge from there.
+pub(in crate::integrator) fn connection_share(cosines: [f64; 2], squared: f64, from: [(f64, f64); 2]) -> f64 {
+    let [(by_light, of_camera), (by_camera, of_light)] = from;
+    let others = of_light * cosines[0] * by_light + of_camera * cosines[1] * by_camera;
+    1.0 / (1.0 + others / (f64::from(SUBPATHS) * squared))
+}

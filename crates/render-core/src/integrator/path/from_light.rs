@@ -1,0 +1,488 @@
+//! Light subpaths of a camera sample: how one is traced, and how the camera's vertices are connected to it.
+//!
+//! A light subpath follows light from a face of a pane ([`Starts`]) and keeps a vertex wherever light is scattered into a
+//! solid angle. It ends at whatever light subpaths do not go through: bodies of glass, mirrors, thin walls, places where
+//! bodies meet, and lights. At each vertex stands what is known of the path from there to the light, so that one sum
+//! over all pairs of vertices is left. Directions are drawn as the camera draws them, and the BSDF is that of the path
+//! from the camera: shading normals make no difference.
+
+use std::cell::OnceCell;
+
+use arrayvec::ArrayVec;
+use glam::DVec3;
+
+use super::media::{Around, Meeting};
+use super::stretch::{Origin, Stretch};
+use super::{Lobe, PathTracer, Walk, absorption_behind};
+use crate::bsdf::polarisation::Polarisation;
+use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
+use crate::document::PathEvent;
+use crate::geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceId};
+use crate::integrator::light_subpaths::{Edge, FromCamera, FromLight, PlaceOnFace, SUBPATHS, Start, connection_share};
+use crate::light::{LightHit, Receiver, Side};
+use crate::math::absorption;
+use crate::scene::ShadingPoint;
+use crate::specular::scope::MOST_SPECULAR_VERTICES;
+use crate::specular::{Arrival, Link, SpecularPath};
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
+
+/// The light subpaths of a camera sample.
+pub(super) type LightSubpath<'a> = ArrayVec<OneSubpath<'a>, { SUBPATHS as usize }>;
+
+/// A light subpath that has reached a surface which scatters light into a solid angle.
+pub(super) struct OneSubpath<'a> {
+    pub(super) start: Start,
+    /// The specular vertices between its first vertex and the light, from there.
+    pub(super) links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
+    /// Density with which its first vertex was found, for each unit of area and of solid angle, and the part of it that
+    /// is due to choices at the links.
+    pub(super) density: f64,
+    pub(super) choices: f64,
+    pub(super) vertices: Vec<LightVertex<'a>>,
+    /// What happens from the light on.
+    events: Vec<PathEvent>,
+    /// How densely the method finds the light at the first vertex, if that is the camera's second diffuse vertex, or a
+    /// later one.
+    found: [OnceCell<FoundBy>; 2],
+}
+
+/// How else than by a light subpath the light at the first vertex of one is found.
+#[derive(Clone, Copy, Debug)]
+enum FoundBy {
+    /// By a method, with this density for each unit of solid angle.
+    Method(f64),
+    /// By a method that shares it with none.
+    MethodAlone,
+    /// By chance.
+    Chance,
+    /// Straight from the light, by next event estimation with this density, and by chance if the light can be met.
+    Straight(f64),
+}
+
+/// A vertex of a light subpath.
+pub(super) struct LightVertex<'a> {
+    pub(super) bsdf: &'a dyn Bsdf,
+    pub(super) at: SurfacePoint,
+    pub(super) position: DVec3,
+    pub(super) triangle: u32,
+    /// Unit direction in which light arrives.
+    pub(super) incident: DVec3,
+    /// Light that arrives, over its density and the cosine at which it does.
+    weight: DVec3,
+    /// What other techniques find of the path; none at the first vertex.
+    pub(super) by_camera: Option<FromLight>,
+    /// Density with which the camera's walk would go on from here, known once light goes on.
+    pub(super) of_camera: f64,
+    /// Unit direction in which light goes on.
+    pub(super) outgoing: DVec3,
+    /// How many events there are up to here, without its own.
+    events: usize,
+    /// Vertices between the light and this one, with it.
+    depth: u32,
+}
+
+impl LightVertex<'_> {
+    /// BSDF times cosine towards the light, from a direction towards the camera.
+    fn eval(&self, towards_camera: DVec3) -> DVec3 {
+        self.bsdf.eval(&self.at, -towards_camera, -self.incident)
+    }
+
+    /// Density with which a camera's walk from there would go on to the light.
+    fn of_camera(&self, towards_camera: DVec3) -> f64 {
+        self.bsdf.pdf(&self.at, -towards_camera, -self.incident)
+    }
+
+    /// Density with which light goes on in a direction.
+    pub(super) fn of_light(&self, towards_camera: DVec3) -> f64 {
+        self.bsdf.pdf(&self.at, self.incident, towards_camera)
+    }
+
+    fn cosine(&self, direction: DVec3) -> f64 {
+        self.at.normals.geometric.dot(direction).abs()
+    }
+}
+
+impl PathTracer<'_> {
+    /// The light subpaths of a camera sample.
+    pub(super) fn light_subpath(&self, stream: &mut SampleStream, counters: &mut Counters) -> LightSubpath<'_> {
+        let one = |_| self.one_subpath(stream, counters);
+        (0..SUBPATHS).filter_map(one).collect()
+    }
+
+    fn one_subpath(&self, stream: &mut SampleStream, counters: &mut Counters) -> Option<OneSubpath<'_>> {
+        let start = self.starts?.sample(self.scene, stream, counters)?;
+        let mut walk = Walk {
+            ray: start.ray,
+            ray_origin: SurfaceId::Nothing,
+            inside: None,
+            around: Around::default(),
+            body: DVec3::ZERO,
+            throughput: DVec3::ONE,
+            polarisation: Polarisation::NONE,
+            stretch: Stretch::new(None),
+            filter: None,
+            depth: 0,
+        };
+        if let Some(PlaceOnFace { pane, face, point, gradient, .. }) = start.on {
+            let boundary = PaneBoundary::Face(face);
+            let met = PaneHit { distance: 0.0, point, boundary, gradient, inside: false };
+            let hit = Hit { distance: 0.0, surface: Surface::Pane { index: pane, hit: met } };
+            walk.depth = 1;
+            if !self.glass(&mut walk, pane, &hit, stream) {
+                return None;
+            }
+        }
+        let mut subpath = OneSubpath {
+            links: ArrayVec::new(),
+            density: 0.0,
+            choices: 0.0,
+            vertices: Vec::new(),
+            events: walk.stretch.links.iter().map(|link| PathEvent::from(link.event)).collect(),
+            found: Default::default(),
+            start,
+        };
+        while walk.depth < self.max_depth && self.goes_on(&mut walk, &mut subpath, stream, counters) {}
+        (!subpath.vertices.is_empty()).then_some(subpath)
+    }
+
+    /// Takes a light subpath to what it meets next; false when it ends.
+    fn goes_on<'s>(
+        &'s self,
+        walk: &mut Walk,
+        subpath: &mut OneSubpath<'s>,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) -> bool {
+        let Some(hit) = self.closest_hit(walk, counters) else { return false };
+        let begins = subpath.start.on.is_none() && subpath.events.is_empty();
+        let meets_light = if begins {
+            self.scene.blocked_by_light(&walk.ray, hit.distance, Some(subpath.start.light))
+        } else {
+            walk.inside.is_none() && self.nearest_light(walk, hit.distance).is_some()
+        };
+        if meets_light {
+            return false;
+        }
+        if !matches!(self.meeting(walk, &hit), Meeting::Plain) {
+            return false;
+        }
+        walk.depth += 1;
+        match hit.surface {
+            // At panes begin other light subpaths.
+            Surface::Pane { .. } if begins => false,
+            Surface::Pane { index, .. } => {
+                let goes_on = self.glass(walk, index, &hit, stream) && walk.stretch.is_open();
+                subpath.events.extend(walk.stretch.links.last().map(|link| PathEvent::from(link.event)));
+                goes_on && self.survives(walk, stream)
+            }
+            Surface::Triangle { index, barycentric } => {
+                walk.inside.is_none()
+                    && self.light_at(walk, subpath, (index, barycentric), hit.distance)
+                    && self.scatter_light(walk, subpath, stream)
+                    && self.survives(walk, stream)
+            }
+        }
+    }
+
+    /// Keeps a vertex where light has met a triangle; false where light subpaths have none.
+    fn light_at<'s>(
+        &'s self,
+        walk: &mut Walk,
+        subpath: &mut OneSubpath<'s>,
+        (triangle, barycentric): (u32, [f64; 2]),
+        distance: f64,
+    ) -> bool {
+        let bsdf = self.scene.bsdf(triangle);
+        let at = self.scene.surface_point(triangle, barycentric);
+        if bsdf.is_delta() || bsdf.scale(&at) == DVec3::ZERO {
+            return false;
+        }
+        let incident = walk.ray.direction;
+        let position = walk.ray.at(distance);
+        let cosine = at.normals.geometric.dot(incident).abs();
+        if cosine == 0.0 {
+            return false;
+        }
+        let leaves = incident.dot(at.normals.geometric) > 0.0;
+        let begins_in = leaves && bsdf.absorption() != DVec3::ZERO;
+        let absorbs = if begins_in { bsdf.absorption() } else { walk.body };
+        if absorbs != DVec3::ZERO {
+            walk.throughput *= absorption(absorbs, distance);
+        }
+        walk.body = absorbs;
+        let by_camera = match subpath.vertices.last() {
+            None => {
+                subpath.links = backwards(&walk.stretch.links, incident);
+                subpath.choices = walk.stretch.choices;
+                subpath.density = subpath.start.density * cosine * walk.stretch.choices;
+                None
+            }
+            Some(before) => {
+                let straight = walk.stretch.is_straight().then(|| before.position.distance_squared(position));
+                let cosines = [before.cosine(before.outgoing), cosine];
+                Some(FromLight::behind(&Edge { straight, cosines, pdf: before.of_light(before.outgoing) }))
+            }
+        };
+        let weight = subpath.start.weight * walk.throughput / cosine;
+        subpath.vertices.push(LightVertex {
+            bsdf,
+            at,
+            position,
+            triangle,
+            incident,
+            weight,
+            by_camera,
+            of_camera: 0.0,
+            outgoing: DVec3::ZERO,
+            events: subpath.events.len(),
+            depth: walk.depth,
+        });
+        subpath.events.push(PathEvent::Diffuse);
+        true
+    }
+
+    /// Sends light on from the last vertex; false when it ends there.
+    fn scatter_light(&self, walk: &mut Walk, subpath: &mut OneSubpath<'_>, stream: &mut SampleStream) -> bool {
+        let Some(vertex) = subpath.vertices.last_mut() else { return false };
+        walk.polarisation = Polarisation::NONE;
+        let Some(next) = vertex.bsdf.sample(&vertex.at, vertex.incident, stream) else { return false };
+        let SampleKind::Density(pdf) = next.kind else { return false };
+        let towards = vertex.cosine(next.direction);
+        let scattered = vertex.eval(next.direction) * vertex.bsdf.scale(&vertex.at);
+        if !(scattered.max_element() > 0.0 && towards > 0.0 && pdf > 0.0) {
+            return false;
+        }
+        vertex.outgoing = next.direction;
+        vertex.of_camera = vertex.of_camera(next.direction);
+        walk.throughput *= scattered * (towards / (vertex.cosine(vertex.incident) * pdf));
+        let normal = vertex.at.normals.geometric;
+        let leaves = vertex.incident.dot(normal) > 0.0;
+        if next.direction.dot(normal) * vertex.incident.dot(normal) > 0.0 {
+            walk.body = absorption_behind(vertex.bsdf, leaves, walk.body);
+        }
+        walk.ray_origin = SurfaceId::Triangle(vertex.triangle);
+        walk.ray = Ray::new(vertex.position, next.direction);
+        walk.stretch = Stretch::new(None);
+        true
+    }
+
+    /// What light subpaths find of a path that has come to a surface.
+    pub(super) fn by_light(&self, walk: &Walk, at: &SurfacePoint, position: DVec3) -> FromCamera {
+        let Some(origin) = walk.stretch.from.filter(|_| self.starts.is_some() && walk.stretch.is_open()) else {
+            return FromCamera::default();
+        };
+        let straight = walk.stretch.is_straight().then(|| origin.point.position.distance_squared(position));
+        let cosines = [origin.cosine, at.normals.geometric.dot(walk.ray.direction).abs()];
+        if walk.stretch.is_left_to_chance || cosines[1] == 0.0 {
+            return FromCamera::default();
+        }
+        FromCamera::behind(&Edge { straight, cosines, pdf: origin.pdf }, origin.by_light)
+    }
+
+    /// The share of a specular method in a path that it has found.
+    pub(super) fn share_of_method(&self, arrival: &Arrival, light: u32, asked: f64, lobe: &Lobe<'_>) -> f64 {
+        let (Some(starts), Some(path)) = (self.starts, &arrival.path) else { return 1.0 };
+        let by_light = lobe.by_light(arrival.direction);
+        if by_light == 0.0 {
+            return 1.0;
+        }
+        let start = starts.density(self.scene, light, Some(path.surface), &path.exit, &path.hit);
+        let others = start * path.transmitted * lobe.cosine(arrival.direction) * by_light;
+        let found = path.density * asked;
+        found / (found + others)
+    }
+
+    /// The share of chance in a path to a light over specular surfaces that no method owns.
+    pub(super) fn share_of_chance(&self, origin: &Origin, walk: &Walk, light: u32, hit: &LightHit) -> f64 {
+        let (Some(starts), Some(last)) = (self.starts, walk.stretch.links.last()) else { return 1.0 };
+        if origin.by_light == 0.0 || !walk.stretch.is_open() {
+            return 1.0;
+        }
+        // Both densities have the factor of what was chosen at the links.
+        let start = starts.density(self.scene, light, Some(last.surface), &walk.ray, hit);
+        origin.pdf / (origin.pdf + start * origin.cosine * origin.by_light)
+    }
+
+    /// What light subpaths find of a path that goes straight to a light, of which a camera's vertex has found the ray:
+    /// the cosine there, and what they find up to it.
+    pub(super) fn straight_by_light(
+        &self,
+        light: u32,
+        to_light: &Ray,
+        hit: &LightHit,
+        cosine: f64,
+        by_light: f64,
+    ) -> f64 {
+        let Some(starts) = self.starts.filter(|_| by_light > 0.0) else { return 0.0 };
+        starts.density(self.scene, light, None, to_light, hit) * cosine * by_light
+    }
+
+    /// Light that a vertex receives from those of light subpaths, over the scale of its BSDF.
+    pub(super) fn connected_light(
+        &self,
+        walk: &Walk,
+        point: &ShadingPoint,
+        lobe: &Lobe<'_>,
+        subpaths: &LightSubpath<'_>,
+        counters: &mut Counters,
+    ) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        for subpath in subpaths {
+            for number in 0..subpath.vertices.len() {
+                sum += self.connection(walk, point, lobe, (subpath, number), counters);
+            }
+        }
+        sum / f64::from(SUBPATHS)
+    }
+
+    fn connection(
+        &self,
+        walk: &Walk,
+        point: &ShadingPoint,
+        lobe: &Lobe<'_>,
+        (subpath, number): (&OneSubpath<'_>, usize),
+        counters: &mut Counters,
+    ) -> DVec3 {
+        let vertex = &subpath.vertices[number];
+        if walk.depth + vertex.depth > self.max_depth || !self.accepts_light(walk, &subpath.events[..=vertex.events]) {
+            return DVec3::ZERO;
+        }
+        let offset = vertex.position - point.position;
+        let squared = offset.length_squared();
+        let distance = squared.sqrt();
+        let direction = offset / distance;
+        let cosines = [lobe.cosine(direction), vertex.cosine(direction)];
+        if !(distance > 0.0 && cosines[0].min(cosines[1]) > 0.0) {
+            return DVec3::ZERO;
+        }
+        let scattered = lobe.eval(direction);
+        if scattered == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        let received = vertex.eval(-direction) * vertex.bsdf.scale(&vertex.at) * vertex.weight;
+        if received == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        let ray = Ray::new(point.position, direction);
+        if self.scene.blocked_from_triangle(&ray, distance, point.surface, vertex.triangle, counters) {
+            return DVec3::ZERO;
+        }
+        let by_light = lobe.by_light(direction);
+        let bounces = point.bounces + number as u32 + 1;
+        let Some(by_camera) = self.by_camera(subpath, number, -direction, bounces, counters) else {
+            return DVec3::ZERO;
+        };
+        let share = connection_share(
+            cosines,
+            squared,
+            [(by_light, lobe.pdf(direction)), (by_camera, vertex.of_light(-direction))],
+        );
+        lobe.kept(direction, distance) * scattered * received * (cosines[1] / squared * share)
+    }
+
+    /// What other techniques find of the path from a vertex of a light subpath to the light, if it goes on from there
+    /// towards the camera; `None` where a method finds the light and shares it with none. `bounces` are those of the
+    /// vertex next to the light.
+    pub(super) fn by_camera(
+        &self,
+        subpath: &OneSubpath<'_>,
+        number: usize,
+        towards_camera: DVec3,
+        bounces: u32,
+        counters: &mut Counters,
+    ) -> Option<f64> {
+        let first = &subpath.vertices[0];
+        let onwards = |vertex: &LightVertex<'_>, index: usize| {
+            if index == number { vertex.of_camera(towards_camera) } else { vertex.of_camera }
+        };
+        let outgoing = if number == 0 { towards_camera } else { first.outgoing };
+        let found = self.found_by(subpath, outgoing, bounces, counters);
+        let mut sum = match found {
+            FoundBy::MethodAlone => return None,
+            FoundBy::Method(density) => density / subpath.density,
+            FoundBy::Chance => onwards(first, 0) * subpath.choices / subpath.density,
+            FoundBy::Straight(density) => {
+                let is_met = !self.scene.lights()[subpath.start.light as usize].is_delta();
+                (density + if is_met { onwards(first, 0) } else { 0.0 }) / subpath.density
+            }
+        };
+        for (index, vertex) in subpath.vertices[..=number].iter().enumerate() {
+            if let Some(by_camera) = &vertex.by_camera {
+                sum = by_camera.total(onwards(vertex, index), sum);
+            }
+        }
+        Some(sum)
+    }
+
+    /// How else the light at the first vertex is found, if it goes on from there towards the camera.
+    fn found_by(
+        &self,
+        subpath: &OneSubpath<'_>,
+        towards_camera: DVec3,
+        bounces: u32,
+        counters: &mut Counters,
+    ) -> FoundBy {
+        let first = &subpath.vertices[0];
+        let normal = first.at.normals.facing(-towards_camera);
+        let Some(PlaceOnFace { sample, .. }) = subpath.start.on else {
+            return *subpath.found[0].get_or_init(|| FoundBy::Straight(self.asked_density(subpath, normal)));
+        };
+        let gathers_behind = first.bsdf.gathers_behind();
+        // Light from behind is left to chance, whatever the method finds in front.
+        if !gathers_behind && first.incident.dot(normal) >= 0.0 {
+            return FoundBy::Chance;
+        }
+        let surface = SurfaceId::Triangle(first.triangle);
+        let point = ShadingPoint { position: first.position, normal, surface, bounces };
+        *subpath.found[usize::from(bounces > 1)].get_or_init(|| {
+            let Start { light, ray, .. } = &subpath.start;
+            let path = SpecularPath {
+                light: *light,
+                source: sample.source,
+                triangle: sample.triangle,
+                last_direction: -ray.direction,
+                links: &subpath.links,
+            };
+            let Some(point) = self.owner(point, gathers_behind, &path, counters) else { return FoundBy::Chance };
+            let density = self.method.and_then(|method| method.density(self.scene, &point, &path, counters));
+            let asked = self.scene.light_sampler().probability(*light, &Receiver::anywhere(first.position));
+            density.map_or(FoundBy::MethodAlone, |density| FoundBy::Method(density * asked))
+        })
+    }
+
+    /// Density with which next event estimation finds the light at the first vertex of a subpath that begins on it.
+    pub(super) fn asked_density(&self, subpath: &OneSubpath<'_>, normal: DVec3) -> f64 {
+        let first = &subpath.vertices[0];
+        let side = if first.bsdf.transmits() { Side::Both(normal) } else { Side::Front(normal) };
+        let receiver = Receiver { position: first.position, side };
+        let light = subpath.start.light;
+        let source = &self.scene.lights()[light as usize];
+        let asked = self.scene.light_sampler().probability(light, &receiver);
+        let squared = first.position.distance_squared(subpath.start.ray.origin);
+        if source.is_delta() {
+            return asked * squared;
+        }
+        let to_light = Ray::new(first.position, -first.incident);
+        let hit = LightHit { distance: squared.sqrt(), radiance: DVec3::ZERO, triangle: None };
+        asked * self.scene.pdf_li(light, &receiver, &to_light, &hit)
+    }
+
+    /// Whether a path is rendered that is followed by events, which are given from the light on.
+    fn accepts_light(&self, walk: &Walk, events: &[PathEvent]) -> bool {
+        let (Some(filter), Some(state)) = (self.filter, walk.filter) else { return true };
+        let state = events.iter().rev().fold(state, |state, event| filter.step(state, *event));
+        filter.accepts(state, &[PathEvent::Light])
+    }
+}
+
+/// Links from the light on, as a path to the light meets them that comes against `incident`.
+fn backwards(links: &[Link], incident: DVec3) -> ArrayVec<Link, MOST_SPECULAR_VERTICES> {
+    let mut onwards = incident;
+    let turned = links.iter().rev().map(|link| {
+        let turned = Link { direction: -onwards, ..*link };
+        onwards = link.direction;
+        turned
+    });
+    turned.collect()
+}

@@ -1,0 +1,237 @@
+//! Techniques that find one path share it: their weights sum to one, path by path.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use super::from_light::{LightVertex, OneSubpath};
+use super::*;
+use crate::document::{SceneBundle, SceneDescription};
+use crate::integrator::light_subpaths::{Edge, PlaceOnFace, connection_share};
+use crate::specular::{Arrival, SampledPath};
+use clerestory_film::SamplerSettings;
+
+/// A room with an old pane, and another one outside of it, in one wall.
+fn room(lights: &Value, panes: usize) -> Value {
+    let wall = |name: &str, material: &str, corners: [[f64; 3]; 4]| {
+        let source = json!({"inline": {"positions": corners, "triangles": [[0, 1, 2], [0, 2, 3]]}});
+        json!({"name": name, "material": material, "source": source})
+    };
+    let pane = |index: usize| {
+        let face = |seed: usize| json!({"hammered": {"wavelength": 0.05, "amplitude": 1e-4, "seed": seed}});
+        json!({
+            "name": format!("pane {index}"), "centre": [2.0 + 0.1 * index as f64, 0, 1.5],
+            "x_axis": [0, 1, 0], "y_axis": [0, 0, 1], "width": 1, "height": 1, "thickness": 0.004,
+            "absorption": [5, 20, 50], "front": face(index), "back": face(index + 7)
+        })
+    };
+    let gloss = json!({"metallic_roughness": {
+        "base_colour": {"colour": [0.8, 0.6, 0.4]}, "metallic": 0.5, "roughness": 0.4}});
+    json!({
+        "version": 2, "name": "room", "film": {"width": 4, "height": 4},
+        "camera": {"perspective": {
+            "position": [1.9, 1.8, 1.5], "look_at": [-1, -1, 0.5], "up": [0, 0, 1], "vertical_field_of_view": 60}},
+        "integrator": "auto",
+        "materials": {"plaster": {"diffuse": {"reflectance": {"colour": [0.7, 0.7, 0.7]}}}, "gloss": gloss},
+        "meshes": [
+            wall("floor", "gloss", [[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0]]),
+            wall("back", "plaster", [[-2.0, -2.0, 0.0], [-2.0, 2.0, 0.0], [-2.0, 2.0, 3.0], [-2.0, -2.0, 3.0]]),
+            wall("side", "gloss", [[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, -2.0, 3.0], [-2.0, -2.0, 3.0]]),
+            wall("ceiling", "plaster", [[-2.0, -2.0, 3.0], [2.0, -2.0, 3.0], [2.0, 2.0, 3.0], [-2.0, 2.0, 3.0]])
+        ],
+        "panes": (0..panes).map(pane).collect::<Vec<_>>(), "lights": lights
+    })
+}
+
+fn prepared(scene: &Value) -> PreparedScene {
+    let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+    PreparedScene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+}
+
+/// A vertex of a path, with the unit directions towards the camera and the light.
+struct Vertex<'a> {
+    bsdf: &'a dyn Bsdf,
+    at: SurfacePoint,
+    position: DVec3,
+    triangle: u32,
+    towards: [DVec3; 2],
+}
+
+impl Vertex<'_> {
+    /// Densities with which the camera's walk and light go on.
+    fn densities(&self) -> [f64; 2] {
+        let [camera, light] = self.towards;
+        [self.bsdf.pdf(&self.at, -camera, light), self.bsdf.pdf(&self.at, -light, camera)]
+    }
+
+    fn cosines(&self) -> [f64; 2] {
+        self.towards.map(|direction| self.at.normals.geometric.dot(direction).abs())
+    }
+}
+
+/// The shares of all techniques in the path that joins the camera's first vertex to the last one of a light subpath;
+/// `None` where they do not see each other.
+fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Option<Vec<f64>> {
+    let counters = &mut Counters::default();
+    let hit = tracer.scene.accelerator().closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, counters)?;
+    let Surface::Triangle { index, barycentric } = hit.surface else { return None };
+    let first = (tracer.scene.bsdf(index), tracer.scene.surface_point(index, barycentric), ray.at(hit.distance), index);
+    let of_light =
+        subpath.vertices.iter().rev().map(|vertex| (vertex.bsdf, vertex.at, vertex.position, vertex.triangle));
+    let places: Vec<_> = std::iter::once(first).chain(of_light).collect();
+    // Light may have been mirrored by a pane between two surfaces.
+    let is_straight = |pair: &[LightVertex<'_>]| {
+        let offset = pair[1].position - pair[0].position;
+        offset.normalize().dot(pair[0].outgoing) > 1.0 - 1e-9
+    };
+    if !subpath.vertices.windows(2).all(is_straight) {
+        return None;
+    }
+    let incident = subpath.vertices[0].incident;
+    let vertices: Vec<Vertex<'_>> = (0..places.len())
+        .map(|number| {
+            let (bsdf, at, position, triangle) = places[number];
+            let towards = |other: usize| (places[other].2 - position).normalize();
+            let camera = if number == 0 { -ray.direction } else { towards(number - 1) };
+            let light = if number + 1 == places.len() { -incident } else { towards(number + 1) };
+            Vertex { bsdf, at, position, triangle, towards: [camera, light] }
+        })
+        .collect();
+    let onwards = Ray::new(vertices[0].position, vertices[0].towards[1]);
+    let squared = |number: usize| vertices[number].position.distance_squared(vertices[number + 1].position);
+    let surface = SurfaceId::Triangle(index);
+    let blocked =
+        tracer.scene.blocked_from_triangle(&onwards, squared(0).sqrt(), surface, vertices[1].triangle, counters);
+    // On one surface, no light goes from one to the other.
+    let sees = vertices.iter().all(|vertex| vertex.densities().into_iter().all(|density| density > 0.0));
+    if blocked || !sees {
+        return None;
+    }
+    let mut by_light = vec![FromCamera::default()];
+    for number in 1..vertices.len() {
+        let [before, vertex] = [&vertices[number - 1], &vertices[number]];
+        let [of_camera, of_light] = before.densities();
+        let cosines = [before.cosines()[1], vertex.cosines()[0]];
+        let edge = Edge { straight: Some(squared(number - 1)), cosines, pdf: of_camera };
+        by_light.push(FromCamera::behind(&edge, by_light[number - 1].total(of_light)));
+    }
+    let last = vertices.len() - 1;
+    let mut shares: Vec<f64> = (0..last)
+        .map(|number| {
+            let [here, next] = [&vertices[number], &vertices[number + 1]];
+            let [of_camera, of_light] = here.densities();
+            let in_subpath = last - number - 1;
+            let by_camera = tracer.by_camera(subpath, in_subpath, next.towards[0], last as u32, counters);
+            let from = [(by_light[number].total(of_light), of_camera), (by_camera.unwrap(), next.densities()[1])];
+            connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from)
+        })
+        .collect();
+    let end = &vertices[last];
+    let start = &subpath.start;
+    let light = start.light;
+    let source = &tracer.scene.lights()[light as usize];
+    let [of_camera, of_light] = end.densities();
+    let normal = end.at.normals.facing(-end.towards[0]);
+    let surface = SurfaceId::Triangle(end.triangle);
+    let point = ShadingPoint { position: end.position, normal, surface, bounces: last as u32 };
+    let receiver = Receiver::anywhere(end.position);
+    let origin = Origin {
+        point,
+        receiver,
+        pdf: of_camera,
+        gathers_behind: false,
+        cosine: end.cosines()[1],
+        by_light: by_light[last].total(of_light),
+    };
+    let to_light = Ray::new(start.ray.origin, -start.ray.direction);
+    let of_end = if let Some(PlaceOnFace { pane, face, sample, .. }) = start.on {
+        let hit = source.intersect(&to_light)?;
+        let links = subpath.links.clone();
+        let path = SpecularPath {
+            light,
+            source: sample.source,
+            triangle: sample.triangle,
+            last_direction: to_light.direction,
+            links: &links,
+        };
+        let surface = SurfaceId::Pane { index: pane, face };
+        if let Some(point) = tracer.owner(point, false, &path, counters) {
+            let density = tracer.method.unwrap().density(tracer.scene, &point, &path, counters).unwrap();
+            let sampled = SampledPath { density, surface, exit: to_light, hit, transmitted: subpath.choices };
+            let arrival = Arrival { direction: end.towards[1], weight: DVec3::ONE, path: Some(sampled) };
+            let air = Bodies::default();
+            let lobe = Lobe {
+                bsdf: end.bsdf,
+                at: &end.at,
+                incident: -end.towards[0],
+                receiver,
+                bodies: [DVec3::ZERO; 2],
+                around: [&air; 2],
+                by_light: by_light[last],
+            };
+            let asked = tracer.scene.light_sampler().probability(light, &receiver);
+            tracer.share_of_method(&arrival, light, asked, &lobe)
+        } else {
+            let mut walk = Walk {
+                ray: to_light,
+                ray_origin: surface,
+                inside: None,
+                around: Around::default(),
+                body: DVec3::ZERO,
+                throughput: DVec3::ONE,
+                polarisation: Polarisation::NONE,
+                stretch: Stretch::new(Some(origin)),
+                filter: None,
+                depth: 0,
+            };
+            links.iter().for_each(|link| walk.stretch.push(*link));
+            tracer.share_of_chance(&origin, &walk, light, &hit)
+        }
+    } else {
+        let distance = start.ray.origin.distance(end.position);
+        let hit = LightHit { distance, radiance: DVec3::ZERO, triangle: None };
+        let ray = Ray::new(end.position, end.towards[1]);
+        let by_chance = if source.is_delta() { 0.0 } else { of_camera };
+        let found = tracer.asked_density(subpath, normal) + by_chance;
+        found / (found + tracer.straight_by_light(light, &ray, &hit, origin.cosine, origin.by_light))
+    };
+    shares.push(of_end);
+    Some(shares)
+}
+
+#[test]
+fn shares_of_all_techniques_in_a_path_sum_to_one() {
+    let sun = json!({"sun": {"name": "sun", "direction": [1, 0.3, 0.7], "angular_radius": 0.5, "radiance": [9, 9, 9]}});
+    let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.3, "radiance": [9, 9, 9]}});
+    let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}});
+    let bulb = json!({"sphere": {"name": "bulb", "centre": [0.5, 1, 2], "radius": 0.1, "radiance": [9, 9, 9]}});
+    let spark = json!({"point": {"name": "spark", "position": [1, 0.5, 1], "intensity": [1, 1, 1]}});
+    let panel = json!({"rectangle": {
+        "name": "panel", "centre": [0.2, 0, 2.9], "edge_u": [0, 0.6, 0], "edge_v": [0.8, 0, 0], "radiance": [1, 1, 1]}});
+    for panes in [1, 2] {
+        let scene = prepared(&room(&json!([sun, lamp, sky, bulb, spark, panel]), panes));
+        let tracer = PathTracer::new(&scene);
+        let settings = SamplerSettings { seed: 3, samples_per_block: 4096 };
+        let (mut lengths, mut smallest, mut kinds) = ([0; 8], 1.0_f64, [0; 3]);
+        for sample in 0..4096 {
+            let counters = &mut Counters::default();
+            let stream = &mut SampleStream::new(&settings, 0, [1, 2], sample);
+            let position = stream.next_2d() * 4.0;
+            let ray = tracer.scene.camera().ray(position);
+            for subpath in tracer.light_subpath(stream, counters) {
+                let Some(shares) = shares(&tracer, &ray, &subpath) else { continue };
+                let sum: f64 = shares.iter().sum();
+                assert!((sum - 1.0).abs() < 1e-6, "{sum} {shares:?} {:?}", subpath.links);
+                lengths[shares.len().min(7)] += 1;
+                let largest = shares.iter().copied().fold(0.0, f64::max);
+                smallest = smallest.min(largest);
+                let kind = if subpath.links.is_empty() { 0 } else { 1 + usize::from(subpath.links.len() > 2 * panes) };
+                kinds[kind] += 1;
+            }
+        }
+        println!("{panes} panes: {lengths:?} {smallest} {kinds:?}");
+        // Paths of two to four vertices, straight from lights, by methods and by chance; no technique has all of one.
+        assert!(lengths[2..5].iter().all(|count| *count > 20) && kinds.iter().all(|count| *count > 5));
+        assert!(smallest < 0.7, "{smallest}");
+    }
+}
