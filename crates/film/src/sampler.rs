@@ -32,6 +32,7 @@ enum Purpose {
     Scramble,
     Trials,
     LateDimension,
+    Sibling,
 }
 
 /// The random numbers of one camera sample.
@@ -106,6 +107,16 @@ impl SampleStream {
             drawn: 0,
             words: [0; 4],
         }
+    }
+
+    /// The numbers of a second walk of the same sample, independent of these, with a Sobol point of their own.
+    #[inline]
+    #[must_use]
+    pub fn sibling(&self) -> Self {
+        let [key_low, key_high, ..] = philox(self.pixel_key, counter(0, 0, 0, Purpose::Sibling));
+        let pixel_key = [key_low, key_high];
+        let [sobol_seed, ..] = philox(pixel_key, counter(self.sobol_seed, 0, 0, Purpose::Scramble));
+        Self { pixel_key, sobol_seed, dimension: 0, sobol_set: None, ..self.clone() }
     }
 
     fn take_dimension(&mut self) -> u32 {
@@ -193,6 +204,23 @@ mod tests {
     fn chi_square_limit(bins: usize) -> f64 {
         let degrees = (bins - 1) as f64;
         degrees + 6.0 * (2.0 * degrees).sqrt()
+    }
+
+    #[test]
+    fn a_sibling_is_as_even_and_independent() {
+        let settings = SamplerSettings { seed: 5, samples_per_block: 256 };
+        let (mut cells, mut joint) = ([0_u32; 16], [0_u32; 64]);
+        for sample in 0..256 {
+            let mut stream = SampleStream::new(&settings, 0, [3, 4], sample);
+            let mut sibling = stream.sibling();
+            let (own, other) = (stream.next_1d(), sibling.next_2d());
+            cells[(other.x * 4.0) as usize * 4 + (other.y * 4.0) as usize] += 1;
+            joint[(own * 8.0) as usize * 8 + (other.x * 8.0) as usize] += 1;
+        }
+        assert_eq!(cells, [16; 16]);
+        // Not as even as a Sobol point in two dimensions, and not on a line: Pearson's statistic of 64 cells.
+        let pearson: f64 = joint.iter().map(|count| (f64::from(*count) - 4.0).powi(2) / 4.0).sum();
+        assert!((10.0..140.0).contains(&pearson), "{pearson}");
     }
 
     #[test]

@@ -171,7 +171,7 @@ impl<'a> PathTracer<'a> {
     /// Traces one path from the camera.
     pub fn sample(&self, ray: Ray, stream: &mut SampleStream, counters: &mut Counters) -> PathSample {
         let mut sample = PathSample::default();
-        let from_light = self.light_subpath(stream, counters);
+        let from_light = self.light_subpath(&mut stream.sibling(), counters);
         let (around, body) = self.start.around(self.scene, &ray);
         let mut walk = Walk {
             ray,
@@ -304,7 +304,7 @@ impl<'a> PathTracer<'a> {
             return DVec3::ZERO;
         }
         let carried = walk.throughput * hit.radiance * through_body(walk.body, hit.distance);
-        let Some(origin) = &walk.stretch.from else { return carried };
+        let Some(origin) = walk.stretch.from.as_ref().filter(|_| carried != DVec3::ZERO) else { return carried };
         if walk.stretch.is_unseen {
             return carried;
         }
@@ -643,6 +643,8 @@ fn through_body(coefficient: DVec3, distance: f64) -> DVec3 {
 
 #[cfg(test)]
 mod double_glazing_tests;
+#[cfg(test)]
+mod from_light_tests;
 #[cfg(test)]
 mod furnace_tests;
 #[cfg(test)]

@@ -25,6 +25,9 @@ const LOOKS: u32 = 8;
 /// Rays of a light that are followed to find how much of it stays in the scene.
 const RAYS: u32 = 64;
 
+/// How far before a light its light subpaths begin, as a part of the largest coordinate there, or of a metre.
+const CLEARANCE: f64 = 1e-8;
+
 /// The part of all starts on faces, and on lights, that is spread over them alike, whatever the looks have found.
 const EVENLY: f64 = 0.1;
 
@@ -136,7 +139,10 @@ impl Starts {
             let source = &scene.lights()[light as usize];
             let emission = source.emit(source.random(stream), stream.next_2d())?;
             let weight = emission.radiance / emission.density;
-            Start { light, on: None, ray: emission.ray, weight, density: emission.density }
+            // A surface on which the light lies is not met.
+            let away = CLEARANCE * emission.ray.origin.abs().max_element().max(1.0);
+            let ray = Ray::new(emission.ray.at(away), emission.ray.direction);
+            Start { light, on: None, ray, weight, density: emission.density }
         } else {
             let start = on_face(scene, light, ((slot / FACES.len()) as u32, FACES[slot % FACES.len()]), stream)?;
             if start.is_blocked(scene, counters) {

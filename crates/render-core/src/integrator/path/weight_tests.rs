@@ -12,7 +12,7 @@ use crate::specular::{Arrival, SampledPath};
 use clerestory_film::SamplerSettings;
 
 /// A room with an old pane, and another one outside of it, in one wall.
-fn room(lights: &Value, panes: usize) -> Value {
+pub(super) fn room(lights: &Value, panes: usize) -> Value {
     let wall = |name: &str, material: &str, corners: [[f64; 3]; 4]| {
         let source = json!({"inline": {"positions": corners, "triangles": [[0, 1, 2], [0, 2, 3]]}});
         json!({"name": name, "material": material, "source": source})

@@ -1,0 +1,93 @@
+//! A room with connections to light subpaths is as bright as without, and its noise is less.
+
+use serde_json::{Value, json};
+
+use super::tests::{EDGE, SAMPLES, sums};
+use super::weight_tests::room;
+use crate::scene::Assets;
+
+/// Pictures of each kind, with seeds of their own.
+const PICTURES: u64 = 8;
+
+/// The room, lit by one light, by light that two surfaces or more have scattered.
+fn lit_by(light: &Value, panes: usize, integrator: &str, seed: u64) -> Value {
+    let mut scene = room(&json!([light]), panes);
+    scene["film"] = json!({"width": EDGE, "height": EDGE});
+    scene["sampling"] = json!({"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES});
+    scene["integrator"] = json!({integrator: {"max_depth": 12}});
+    scene["path_filter"] = json!("D D+ (R|T)* L");
+    scene["seed"] = json!(seed);
+    scene
+}
+
+/// What pictures of a room have in common, over all pixels.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    mean: f64,
+    /// Standard error of that.
+    error: f64,
+    /// Variance of a pixel, mean over all.
+    noise: f64,
+}
+
+fn see(light: &Value, panes: usize, integrator: &str) -> Seen {
+    let picture = |seed| sums(&lit_by(light, panes, integrator, seed), &Assets::new());
+    let pictures: Vec<Vec<f64>> = (1..=PICTURES)
+        .map(|seed| picture(seed).iter().map(|sum| f64::from(sum[0]) / f64::from(SAMPLES)).collect())
+        .collect();
+    let variance = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (values.len() - 1) as f64
+    };
+    let pixels = pictures[0].len();
+    let means: Vec<f64> = pictures.iter().map(|picture| picture.iter().sum::<f64>() / pixels as f64).collect();
+    let noise = (0..pixels).map(|pixel| variance(&pictures.iter().map(|picture| picture[pixel]).collect::<Vec<_>>()));
+    Seen {
+        mean: means.iter().sum::<f64>() / PICTURES as f64,
+        error: (variance(&means) / PICTURES as f64).sqrt(),
+        noise: noise.sum::<f64>() / pixels as f64,
+    }
+}
+
+/// Compares the means, and the noise, over which connections have to be better by a factor.
+#[track_caller]
+fn check(light: &Value, panes: usize, gain: f64) {
+    let [expected, found] = ["cone", "auto"].map(|integrator| see(light, panes, integrator));
+    let error = found.error.hypot(expected.error);
+    let what = format!("{found:?}, {expected:?}: {panes} panes, {light}");
+    println!("{} {} {what}", (found.mean - expected.mean) / error, expected.noise / found.noise);
+    assert!((found.mean - expected.mean).abs() < 4.0 * error, "{what}");
+    assert!(error < 0.02 * expected.mean, "no power: {what}");
+    assert!(found.noise * gain < expected.noise, "more noise: {what}");
+}
+
+#[test]
+fn lamps_light_a_room_alike() {
+    let sphere =
+        |centre: [f64; 3]| json!({"sphere": {"name": "bulb", "centre": centre, "radius": 0.1, "radiance": [9, 9, 9]}});
+    check(&sphere([0.5, 1.0, 2.0]), 0, 1.0);
+    check(&json!({"point": {"name": "spark", "position": [1, 0.5, 1], "intensity": [1, 1, 1]}}), 0, 1.0);
+    check(
+        &json!({"spot": {
+            "name": "spot", "position": [1, 0.5, 2], "direction": [-1, -1, -0.5], "intensity": [1, 1, 1],
+            "inner_angle": 30, "outer_angle": 50}}),
+        0,
+        1.0,
+    );
+    // It lies on the ceiling.
+    let panel = json!({"rectangle": {
+        "name": "panel", "centre": [0.2, 0, 3], "edge_u": [0, 0.6, 0], "edge_v": [0.8, 0, 0], "radiance": [1, 1, 1]}});
+    check(&panel, 0, 1.0);
+}
+
+#[test]
+fn light_through_panes_lights_a_room_alike() {
+    let sun = json!({"sun": {"name": "sun", "direction": [1, 0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
+    let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.3, "radiance": [9, 9, 9]}});
+    let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}});
+    for panes in [1, 2] {
+        check(&sun, panes, 1.0);
+        check(&lamp, panes, 1.0);
+        check(&sky, panes, 1.0);
+    }
+}
