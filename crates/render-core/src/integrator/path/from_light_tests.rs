@@ -2,12 +2,15 @@
 
 use serde_json::{Value, json};
 
-use super::tests::{EDGE, SAMPLES, sums};
+use super::tests::{EDGE, sums};
 use super::weight_tests::room;
 use crate::scene::Assets;
 
 /// Pictures of each kind, with seeds of their own.
-const PICTURES: u64 = 8;
+const PICTURES: u64 = 6;
+
+/// Samples of a pixel.
+const SAMPLES: u32 = 64;
 
 /// The room, lit by one light, by light that two surfaces or more have scattered.
 fn lit_by(light: &Value, panes: usize, integrator: &str, seed: u64) -> Value {
@@ -55,9 +58,8 @@ fn check(light: &Value, panes: usize, gain: f64) {
     let [expected, found] = ["cone", "auto"].map(|integrator| see(light, panes, integrator));
     let error = found.error.hypot(expected.error);
     let what = format!("{found:?}, {expected:?}: {panes} panes, {light}");
-    println!("{} {} {what}", (found.mean - expected.mean) / error, expected.noise / found.noise);
     assert!((found.mean - expected.mean).abs() < 4.0 * error, "{what}");
-    assert!(error < 0.02 * expected.mean, "no power: {what}");
+    assert!(error < 0.03 * expected.mean, "no power: {what}");
     assert!(found.noise * gain < expected.noise, "more noise: {what}");
 }
 
@@ -65,19 +67,19 @@ fn check(light: &Value, panes: usize, gain: f64) {
 fn lamps_light_a_room_alike() {
     let sphere =
         |centre: [f64; 3]| json!({"sphere": {"name": "bulb", "centre": centre, "radius": 0.1, "radiance": [9, 9, 9]}});
-    check(&sphere([0.5, 1.0, 2.0]), 0, 1.0);
-    check(&json!({"point": {"name": "spark", "position": [1, 0.5, 1], "intensity": [1, 1, 1]}}), 0, 1.0);
+    check(&sphere([0.5, 1.0, 2.0]), 0, 1.5);
+    check(&json!({"point": {"name": "spark", "position": [1, 0.5, 1], "intensity": [1, 1, 1]}}), 0, 1.5);
     check(
         &json!({"spot": {
             "name": "spot", "position": [1, 0.5, 2], "direction": [-1, -1, -0.5], "intensity": [1, 1, 1],
             "inner_angle": 30, "outer_angle": 50}}),
         0,
-        1.0,
+        1.5,
     );
     // It lies on the ceiling.
     let panel = json!({"rectangle": {
         "name": "panel", "centre": [0.2, 0, 3], "edge_u": [0, 0.6, 0], "edge_v": [0.8, 0, 0], "radiance": [1, 1, 1]}});
-    check(&panel, 0, 1.0);
+    check(&panel, 0, 1.5);
 }
 
 #[test]
@@ -86,8 +88,9 @@ fn light_through_panes_lights_a_room_alike() {
     let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.3, "radiance": [9, 9, 9]}});
     let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}});
     for panes in [1, 2] {
-        check(&sun, panes, 1.0);
-        check(&lamp, panes, 1.0);
-        check(&sky, panes, 1.0);
+        check(&sun, panes, 1.2);
+        check(&lamp, panes, 1.2);
+        // Most of it comes past the panes.
+        check(&sky, panes, 0.8);
     }
 }
