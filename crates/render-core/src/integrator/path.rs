@@ -9,12 +9,14 @@
 
 mod among_bodies;
 mod from_light;
+mod gathering;
 mod media;
 mod stretch;
 
 use glam::DVec3;
 
 use self::from_light::LightSubpath;
+use self::gathering::{Lobe, sides};
 use self::media::{Around, Interface, Meeting, Start};
 use self::stretch::{Origin, Stretch};
 use super::light_subpaths::{FromCamera, Starts};
@@ -23,8 +25,8 @@ use crate::bsdf::fresnel::{reflect, refract};
 use crate::bsdf::polarisation::{Fresnel, Polarisation};
 use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent, PathFilter};
-use crate::geometry::{Face, Hit, MOST_PASSED, PaneBoundary, Ray, Surface, SurfaceId};
-use crate::light::{AskedLight, LightHit, Receiver, Side, Source};
+use crate::geometry::{Face, Hit, PaneBoundary, Ray, Surface, SurfaceId};
+use crate::light::{LightHit, Receiver, Side, Source};
 use crate::math::absorption;
 use crate::scene::media::Bodies;
 use crate::scene::visibility::SAME_PLACE;
@@ -72,19 +74,6 @@ struct Chain {
     with_light: Vec<PathEvent>,
 }
 
-/// What a path does that goes straight through walls to a light: the last so many are those through one less.
-const BEHIND_WALLS: [PathEvent; MOST_PASSED + 1] = {
-    let mut events = [PathEvent::Transmission; MOST_PASSED + 1];
-    events[MOST_PASSED] = PathEvent::Light;
-    events
-};
-
-/// The point with the normal of each side on which light from specular surfaces is gathered.
-fn sides(point: ShadingPoint, gathers_behind: bool) -> impl Iterator<Item = ShadingPoint> {
-    let behind = ShadingPoint { normal: -point.normal, ..point };
-    std::iter::once(point).chain(gathers_behind.then_some(behind))
-}
-
 /// A path on its way.
 struct Walk {
     ray: Ray,
@@ -102,55 +91,6 @@ struct Walk {
     filter: Option<FilterState>,
     /// Vertices so far, at most as many as the scene allows between camera and light.
     depth: u32,
-}
-
-/// A BSDF at a point that a path has reached.
-struct Lobe<'a> {
-    bsdf: &'a dyn Bsdf,
-    at: &'a SurfacePoint,
-    incident: DVec3,
-    /// How it asks for light.
-    receiver: Receiver,
-    /// What absorbs light on the side from which the path has come, and on the other side, per metre.
-    bodies: [DVec3; 2],
-    /// The bodies that meet others, on both sides.
-    around: [&'a Bodies; 2],
-    /// What light subpaths find of the path up to it.
-    by_light: FromCamera,
-}
-
-impl Lobe<'_> {
-    fn eval(&self, outgoing: DVec3) -> DVec3 {
-        self.bsdf.eval(self.at, self.incident, outgoing)
-    }
-
-    fn pdf(&self, outgoing: DVec3) -> f64 {
-        self.bsdf.pdf(self.at, self.incident, outgoing)
-    }
-
-    /// What light subpaths find of the path, if it goes on in a direction.
-    fn by_light(&self, outgoing: DVec3) -> f64 {
-        self.by_light.total(self.bsdf.pdf(self.at, -outgoing, -self.incident))
-    }
-
-    fn cosine(&self, outgoing: DVec3) -> f64 {
-        self.at.normals.geometric.dot(outgoing).abs()
-    }
-
-    /// What remains of light that comes from this far in a direction.
-    fn kept(&self, outgoing: DVec3, distance: f64) -> DVec3 {
-        through_body(self.bodies[self.side(outgoing)], distance)
-    }
-
-    /// The bodies into which a direction leads.
-    fn around(&self, outgoing: DVec3) -> &Bodies {
-        self.around[self.side(outgoing)]
-    }
-
-    fn side(&self, outgoing: DVec3) -> usize {
-        let normal = self.at.normals.geometric;
-        usize::from(outgoing.dot(normal) * self.incident.dot(normal) > 0.0)
-    }
 }
 
 impl<'a> PathTracer<'a> {
@@ -455,96 +395,6 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Adds the light that a vertex scatters into the path: straight from the lights, and over chains of specular
-    /// vertices that the specular method owns.
-    #[expect(clippy::too_many_arguments, reason = "a vertex and the three places to which it reports")]
-    fn add_scattered(
-        &self,
-        walk: &Walk,
-        point: &ShadingPoint,
-        lobe: &Lobe<'_>,
-        carried: DVec3,
-        radiance: &mut DVec3,
-        stream: &mut SampleStream,
-        counters: &mut Counters,
-    ) {
-        if self.scene.has_straight_meshes() || self.accepts(walk.filter, &[PathEvent::Light]) {
-            *radiance += carried * self.direct_light(walk, point, lobe, stream, counters);
-        }
-        // Methods know air on this side alone.
-        let chains = if walk.around.is_air() { &self.chains[..] } else { &[] };
-        for chain in chains {
-            let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
-            if fits && self.accepts(walk.filter, &chain.with_light) {
-                for side in sides(*point, lobe.bsdf.gathers_behind()) {
-                    *radiance += carried * self.specular_light(&side, lobe, &chain.events, stream, counters);
-                }
-            }
-        }
-    }
-
-    /// Light straight from the lights, over the scale of the BSDF.
-    fn direct_light(
-        &self,
-        walk: &Walk,
-        point: &ShadingPoint,
-        lobe: &Lobe<'_>,
-        stream: &mut SampleStream,
-        counters: &mut Counters,
-    ) -> DVec3 {
-        let mut sum = DVec3::ZERO;
-        let asked = self.scene.light_sampler().ask(&lobe.receiver, stream);
-        for AskedLight { light: index, probability } in asked {
-            let Some(sample) = self.scene.sample_li(index, &lobe.receiver, stream) else { continue };
-            let value = lobe.eval(sample.direction);
-            if value == DVec3::ZERO {
-                continue;
-            }
-            let ray = Ray::new(point.position, sample.direction);
-            let around = lobe.around(sample.direction);
-            let way = if around.is_empty() {
-                self.scene.straight_way(&ray, sample.distance, point.surface, index, counters)
-            } else {
-                self.straight_way_among_bodies(&ray, sample.distance, point.surface, around, index, counters)
-            };
-            let Some(way) = way.filter(|way| self.fits(walk, way.walls)) else { continue };
-            let (found, by_chance) = match sample.pdf {
-                Some(pdf) => (pdf * probability, lobe.pdf(sample.direction)),
-                // As if the point had an area that is drawn with certainty.
-                None => (sample.distance * sample.distance * probability, 0.0),
-            };
-            let by_light = if way.walls == 0 { lobe.by_light(sample.direction) } else { 0.0 };
-            let hit = LightHit { distance: sample.distance, radiance: DVec3::ZERO, triangle: None };
-            let cosine = lobe.cosine(sample.direction);
-            let by_light = self.straight_by_light(index, &ray, &hit, cosine, by_light);
-            let balance = found / (found + by_chance + by_light);
-            let kept = lobe.kept(sample.direction, sample.distance);
-            sum += way.transmittance * kept * sample.weight * (value * balance) / probability;
-        }
-        sum
-    }
-
-    /// Light by the paths over a chain of specular vertices that the specular method owns, over the scale of the BSDF.
-    fn specular_light(
-        &self,
-        point: &ShadingPoint,
-        lobe: &Lobe<'_>,
-        events: &[SpecularEvent],
-        stream: &mut SampleStream,
-        counters: &mut Counters,
-    ) -> DVec3 {
-        let mut sum = DVec3::ZERO;
-        let Some(method) = self.method else { return sum };
-        let receiver = Receiver::anywhere(point.position);
-        for AskedLight { light, probability } in self.scene.light_sampler().ask(&receiver, stream) {
-            method.sample_li(self.scene, point, light, events, stream, counters, &mut |arrival| {
-                let share = self.share_of_method(&arrival, light, probability, lobe);
-                sum += arrival.weight * lobe.eval(arrival.direction) * (share / probability);
-            });
-        }
-        sum
-    }
-
     /// Reflects or refracts the path at a pane; false when the path ends at the pane's black edge.
     fn glass(&self, walk: &mut Walk, index: u32, hit: &Hit, stream: &mut SampleStream) -> bool {
         let Surface::Pane { hit: pane_hit, .. } = &hit.surface else { return false };
@@ -597,12 +447,6 @@ impl<'a> PathTracer<'a> {
             return !filter.is_dead(next);
         }
         true
-    }
-
-    /// Whether a path that goes straight through so many walls to a light is rendered.
-    fn fits(&self, walk: &Walk, walls: usize) -> bool {
-        walk.depth as usize + walls <= self.max_depth as usize
-            && self.accepts(walk.filter, &BEHIND_WALLS[MOST_PASSED - walls..])
     }
 
     fn accepts(&self, state: Option<FilterState>, events: &[PathEvent]) -> bool {

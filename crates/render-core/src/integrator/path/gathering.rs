@@ -1,0 +1,175 @@
+//! The light that a vertex gathers: straight from the lights, and over the chains that a specular method looks for.
+
+use glam::DVec3;
+
+use super::{PathTracer, Walk, through_body};
+use crate::bsdf::{Bsdf, SurfacePoint};
+use crate::document::PathEvent;
+use crate::geometry::{MOST_PASSED, Ray};
+use crate::integrator::light_subpaths::FromCamera;
+use crate::light::{AskedLight, LightHit, Receiver};
+use crate::scene::ShadingPoint;
+use crate::scene::media::Bodies;
+use crate::specular::SpecularEvent;
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
+
+/// What a path does that goes straight through walls to a light: the last so many are those through one less.
+const BEHIND_WALLS: [PathEvent; MOST_PASSED + 1] = {
+    let mut events = [PathEvent::Transmission; MOST_PASSED + 1];
+    events[MOST_PASSED] = PathEvent::Light;
+    events
+};
+
+/// The point with the normal of each side on which light from specular surfaces is gathered.
+pub(super) fn sides(point: ShadingPoint, gathers_behind: bool) -> impl Iterator<Item = ShadingPoint> {
+    let behind = ShadingPoint { normal: -point.normal, ..point };
+    std::iter::once(point).chain(gathers_behind.then_some(behind))
+}
+
+/// A BSDF at a point that a path has reached.
+pub(super) struct Lobe<'a> {
+    pub(super) bsdf: &'a dyn Bsdf,
+    pub(super) at: &'a SurfacePoint,
+    pub(super) incident: DVec3,
+    /// How it asks for light.
+    pub(super) receiver: Receiver,
+    /// What absorbs light on the side from which the path has come, and on the other side, per metre.
+    pub(super) bodies: [DVec3; 2],
+    /// The bodies that meet others, on both sides.
+    pub(super) around: [&'a Bodies; 2],
+    /// What light subpaths find of the path up to it.
+    pub(super) by_light: FromCamera,
+}
+
+impl Lobe<'_> {
+    pub(super) fn eval(&self, outgoing: DVec3) -> DVec3 {
+        self.bsdf.eval(self.at, self.incident, outgoing)
+    }
+
+    pub(super) fn pdf(&self, outgoing: DVec3) -> f64 {
+        self.bsdf.pdf(self.at, self.incident, outgoing)
+    }
+
+    /// What light subpaths find of the path, if it goes on in a direction.
+    pub(super) fn by_light(&self, outgoing: DVec3) -> f64 {
+        self.by_light.total(self.bsdf.pdf(self.at, -outgoing, -self.incident))
+    }
+
+    pub(super) fn cosine(&self, outgoing: DVec3) -> f64 {
+        self.at.normals.geometric.dot(outgoing).abs()
+    }
+
+    /// What remains of light that comes from this far in a direction.
+    pub(super) fn kept(&self, outgoing: DVec3, distance: f64) -> DVec3 {
+        through_body(self.bodies[self.side(outgoing)], distance)
+    }
+
+    /// The bodies into which a direction leads.
+    pub(super) fn around(&self, outgoing: DVec3) -> &Bodies {
+        self.around[self.side(outgoing)]
+    }
+
+    pub(super) fn side(&self, outgoing: DVec3) -> usize {
+        let normal = self.at.normals.geometric;
+        usize::from(outgoing.dot(normal) * self.incident.dot(normal) > 0.0)
+    }
+}
+
+impl PathTracer<'_> {
+    /// Adds the light that a vertex scatters into the path: straight from the lights, and over chains of specular
+    /// vertices that the specular method owns.
+    #[expect(clippy::too_many_arguments, reason = "a vertex and the three places to which it reports")]
+    pub(super) fn add_scattered(
+        &self,
+        walk: &Walk,
+        point: &ShadingPoint,
+        lobe: &Lobe<'_>,
+        carried: DVec3,
+        radiance: &mut DVec3,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) {
+        if self.scene.has_straight_meshes() || self.accepts(walk.filter, &[PathEvent::Light]) {
+            *radiance += carried * self.direct_light(walk, point, lobe, stream, counters);
+        }
+        // Methods know air on this side alone.
+        let chains = if walk.around.is_air() { &self.chains[..] } else { &[] };
+        for chain in chains {
+            let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
+            if fits && self.accepts(walk.filter, &chain.with_light) {
+                for side in sides(*point, lobe.bsdf.gathers_behind()) {
+                    *radiance += carried * self.specular_light(&side, lobe, &chain.events, stream, counters);
+                }
+            }
+        }
+    }
+
+    /// Light straight from the lights, over the scale of the BSDF.
+    fn direct_light(
+        &self,
+        walk: &Walk,
+        point: &ShadingPoint,
+        lobe: &Lobe<'_>,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        let asked = self.scene.light_sampler().ask(&lobe.receiver, stream);
+        for AskedLight { light: index, probability } in asked {
+            let Some(sample) = self.scene.sample_li(index, &lobe.receiver, stream) else { continue };
+            let value = lobe.eval(sample.direction);
+            if value == DVec3::ZERO {
+                continue;
+            }
+            let ray = Ray::new(point.position, sample.direction);
+            let around = lobe.around(sample.direction);
+            let way = if around.is_empty() {
+                self.scene.straight_way(&ray, sample.distance, point.surface, index, counters)
+            } else {
+                self.straight_way_among_bodies(&ray, sample.distance, point.surface, around, index, counters)
+            };
+            let Some(way) = way.filter(|way| self.fits(walk, way.walls)) else { continue };
+            let (found, by_chance) = match sample.pdf {
+                Some(pdf) => (pdf * probability, lobe.pdf(sample.direction)),
+                // As if the point had an area that is drawn with certainty.
+                None => (sample.distance * sample.distance * probability, 0.0),
+            };
+            let by_light = if way.walls == 0 { lobe.by_light(sample.direction) } else { 0.0 };
+            let hit = LightHit { distance: sample.distance, radiance: DVec3::ZERO, triangle: None };
+            let cosine = lobe.cosine(sample.direction);
+            let by_light = self.straight_by_light(index, &ray, &hit, cosine, by_light);
+            let balance = found / (found + by_chance + by_light);
+            let kept = lobe.kept(sample.direction, sample.distance);
+            sum += way.transmittance * kept * sample.weight * (value * balance) / probability;
+        }
+        sum
+    }
+
+    /// Light by the paths over a chain of specular vertices that the specular method owns, over the scale of the BSDF.
+    fn specular_light(
+        &self,
+        point: &ShadingPoint,
+        lobe: &Lobe<'_>,
+        events: &[SpecularEvent],
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        let Some(method) = self.method else { return sum };
+        let receiver = Receiver::anywhere(point.position);
+        for AskedLight { light, probability } in self.scene.light_sampler().ask(&receiver, stream) {
+            method.sample_li(self.scene, point, light, events, stream, counters, &mut |arrival| {
+                let share = self.share_of_method(&arrival, light, probability, lobe);
+                sum += arrival.weight * lobe.eval(arrival.direction) * (share / probability);
+            });
+        }
+        sum
+    }
+
+    /// Whether a path that goes straight through so many walls to a light is rendered.
+    fn fits(&self, walk: &Walk, walls: usize) -> bool {
+        walk.depth as usize + walls <= self.max_depth as usize
+            && self.accepts(walk.filter, &BEHIND_WALLS[MOST_PASSED - walls..])
+    }
+}
