@@ -501,3 +501,43 @@ fn lights_ever_nearer_to_one_place_make_a_tree_that_is_walked() {
     let sum: f64 = (0..800).map(|light| sampler.probability(light, &receiver)).sum();
     assert!((sum - 1.0).abs() < 1e-9, "{sum}");
 }
+
+/// Lights at infinity and surfaces of the scene send no rays.
+#[test]
+fn rays_that_leave_a_light_carry_its_power_and_lead_back_to_it() {
+    let name = || "test".to_owned();
+    let points = [
+        LightDescription::Point(PointLight { name: name(), position: [0.1, 0.2, 1.0], intensity: [1.0, 2.0, 3.0] }),
+        LightDescription::Spot(SpotLight {
+            name: name(),
+            position: [0.1, 0.2, 1.0],
+            direction: [0.3, 0.1, -1.0],
+            intensity: [3.0, 2.0, 1.0],
+            inner_angle: 20.0,
+            outer_angle: 40.0,
+        }),
+    ]
+    .map(light);
+    let mut sending = 0;
+    for light in lights().iter().chain(&points) {
+        let (mut power, mut count) = (0.0, 0.0);
+        for (place, direction) in grid(12).flat_map(|place| grid(12).map(move |direction| (place, direction))) {
+            let Some(emission) = light.emit(place, direction) else { continue };
+            let back = Ray::new(emission.ray.at(2.0), -emission.ray.direction);
+            assert_eq!(light.emission_density(&back), emission.density);
+            if !light.is_delta() {
+                let hit = light.intersect(&back).expect("the ray leads back");
+                assert!((hit.distance - 2.0).abs() < 1e-9, "{}", hit.distance);
+                assert_eq!(hit.radiance, emission.radiance);
+            }
+            power += emission.radiance.element_sum() / 3.0 / emission.density;
+            count += 1.0;
+        }
+        if count > 0.0 {
+            sending += 1;
+            let mean = power / count;
+            assert!((mean / light.power() - 1.0).abs() < 2e-3, "{mean}, not {}: {light:?}", light.power());
+        }
+    }
+    assert_eq!(sending, 5);
+}
