@@ -539,5 +539,5 @@ fn rays_that_leave_a_light_carry_its_power_and_lead_back_to_it() {
             assert!((mean / light.power() - 1.0).abs() < 2e-3, "{mean}, not {}: {light:?}", light.power());
         }
     }
-    assert_eq!(sending, 5);
+    assert_eq!(sending, 6);
 }
