@@ -10,25 +10,26 @@
 mod among_bodies;
 mod from_light;
 mod gathering;
+mod light_vertex;
+mod lobe;
 mod media;
 mod stretch;
 
 use glam::DVec3;
 
-use self::from_light::LightSubpath;
-use self::gathering::{Lobe, sides};
+use self::light_vertex::LightSubpath;
+use self::lobe::{Lobe, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
 use self::stretch::{Origin, Stretch};
 use super::light_subpaths::{FromCamera, Starts};
 use super::prepared::PreparedScene;
+use crate::bsdf::SampleKind;
 use crate::bsdf::fresnel::{reflect, refract};
 use crate::bsdf::polarisation::{Fresnel, Polarisation};
-use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent, PathFilter};
 use crate::geometry::{Face, Hit, PaneBoundary, Ray, Surface, SurfaceId};
 use crate::light::{LightHit, Receiver, Side, Source};
 use crate::math::absorption;
-use crate::scene::media::Bodies;
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
 use crate::specular::side::unit_normal;
@@ -468,21 +469,6 @@ impl<'a> PathTracer<'a> {
         walk.throughput /= survival;
         true
     }
-}
-
-/// What absorbs light behind a surface, per metre, if this does before it. A thin wall bounds no body: behind it is what
-/// was before it.
-fn absorption_behind(bsdf: &dyn Bsdf, leaves: bool, before: DVec3) -> DVec3 {
-    match (bsdf.absorption(), leaves) {
-        (coefficient, _) if coefficient == DVec3::ZERO => before,
-        (_, true) => DVec3::ZERO,
-        (coefficient, false) => coefficient,
-    }
-}
-
-/// What a body lets through over a distance. Where nothing ends it, it has no end and takes no light.
-fn through_body(coefficient: DVec3, distance: f64) -> DVec3 {
-    if coefficient == DVec3::ZERO || !distance.is_finite() { DVec3::ONE } else { absorption(coefficient, distance) }
 }
 
 #[cfg(test)]

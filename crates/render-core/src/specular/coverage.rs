@@ -4,8 +4,8 @@
 //! The method that answers for the chain owns the path. Every method says itself which chains it owns
 //! ([`super::SpecularMethod::owns`]), as a function of O, the chain and the point of the light alone. The path tracer
 //! leaves out the light of exactly these paths, whatever it was that sampled them, and keeps all others.
-//! Light subpaths may find any of them, too: those of a method that knows the density with which it finds a path
-//! ([`super::SpecularMethod::density`]), and those that are left to chance (`integrator/light_subpaths`).
+//! Light subpaths share what is left to chance (`integrator/light_subpaths`). They also share the paths of a method
+//! that knows the density with which it finds them ([`super::SpecularMethod::density`]).
 //!
 //! `cone` and `fnee` own the chains through one pane ([`through_one_pane`]). These are exactly two transmissions, in
 //! through the face that looks at O and out through the other, where

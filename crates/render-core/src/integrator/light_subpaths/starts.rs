@@ -1,15 +1,15 @@
 //! Where light subpaths begin: on the first face of a pane that a light meets, or on a light itself.
 //!
 //! At a pane, a light and a face are chosen together, by what the light brings there. Then the point of the light is
-//! drawn as the light draws it, and the place of the face evenly over the pane's outline. Light keeps its etendue on the
-//! way through glass and air, so the density of such a start is that of the path at the first surface behind:
+//! drawn as the light draws it, and the place of the face evenly over the pane's outline. Light keeps its etendue on
+//! the way through glass and air. So the density of such a start is that of the path at the first surface behind:
 //!
 //! ```text
 //! cos dA dw (at the surface) = |m . s| dp ds (at the face)
 //! ```
 //!
-//! with the direction w at the surface, the direction s towards the light, the place p of the face in the pane's plane
-//! and its unnormalised normal m. On a light itself, it is the area and the cosine there.
+//! Here w is the direction at the surface, and s that towards the light. The place p of the face is in the pane's
+//! plane, and m is its unnormalised normal. On a light itself, it is the area and the cosine there.
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
@@ -235,8 +235,8 @@ fn kept(scene: &Scene, light: u32, source: &Light) -> Option<f64> {
     Some(sum / f64::from(3 * RAYS))
 }
 
-/// A place of a face and a point of a light, as if they had been chosen with certainty; `None` where the light is behind
-/// the face.
+/// A place of a face and a point of a light, as if they had been chosen with certainty; `None` where the light is
+/// behind the face.
 fn on_face(scene: &Scene, light: u32, (pane, face): (u32, Face), stream: &mut SampleStream) -> Option<Start> {
     let (centre, radius) = scene.specular_ball();
     let source = &scene.lights()[light as usize];

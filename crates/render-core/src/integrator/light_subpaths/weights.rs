@@ -2,13 +2,12 @@
 //!
 //! A path has the vertices v1 to vn, from the camera, at which light is scattered into a solid angle. Specular vertices
 //! between two of them, or between vn and the light, belong to the edge there. Edges without any are straight. Each
-//! straight edge between vi and vi+1 is a technique: the camera's walk has found v1 to vi, a light subpath vn to vi+1,
-//! and both are connected. One more is that the camera's walk has found all of them and a specular method, or chance,
-//! the light at vn.
+//! straight edge between vi and vi+1 is a technique: a camera's walk to vi and a light subpath to vi+1 are connected.
+//! One more is that the camera's walk has found all vertices, and a specular method or chance the light at vn.
 //!
-//! Densities are for each unit of area at v1 and of solid angle at each vi, towards the light. With the densities c of
-//! the camera's directions and l of the light's, the cosines at both ends of an edge and its length d, light keeps its
-//! etendue on an edge:
+//! Densities are for each unit of area at v1 and of solid angle at each vi, towards the light. Let c be the densities
+//! of the camera's directions, and l those of the light's. An edge has the length d and a cosine at each end. Light
+//! keeps its etendue on an edge:
 //!
 //! ```text
 //! D(n) = start(path) cos(n)                           a light subpath begins
@@ -17,10 +16,11 @@
 //! P(n) = c(1) ... c(n-1) m                            a method that finds light at vn with the density m
 //! ```
 //!
-//! The probabilities with which both walks follow a specular chain are equal, because the fraction of unpolarised light
-//! that a chain of transparent faces lets through is the same in both directions. So they stand in D(n) alone. Each walk
-//! carries the sum of the P over all techniques before it, over what it has in common with them; whatever it has not yet
-//! drawn stands outside. Roulette changes no weight.
+//! Both walks follow a specular chain with the same probability. It is the fraction of unpolarised light that a chain
+//! of transparent faces lets through, which is the same in both directions. So it stands in D(n) alone.
+//!
+//! Each walk carries the sum of the P of all techniques before it, over the densities that it has in common with them.
+//! Roulette changes no weight.
 
 /// Light subpaths for each camera sample.
 pub(in crate::integrator) const SUBPATHS: u32 = 1;
@@ -84,8 +84,8 @@ impl FromLight {
         Self { near, beyond }
     }
 
-    /// The sum, if the camera would go on from the vertex with the density `of_camera`, and if that at the vertex before
-    /// is `before`.
+    /// The sum, if the camera would go on from the vertex with the density `of_camera`, and if that at the vertex
+    /// before is `before`.
     pub(in crate::integrator) fn total(&self, of_camera: f64, before: f64) -> f64 {
         self.near + self.beyond * of_camera * before
     }

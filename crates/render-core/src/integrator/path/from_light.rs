@@ -1,21 +1,21 @@
 //! Light subpaths of a camera sample: how one is traced, and how the camera's vertices are connected to it.
 //!
-//! A light subpath follows light from a face of a pane ([`Starts`]) and keeps a vertex wherever light is scattered into a
-//! solid angle. It ends at whatever light subpaths do not go through: bodies of glass, mirrors, thin walls, places where
-//! bodies meet, and lights. At each vertex stands what is known of the path from there to the light, so that one sum
-//! over all pairs of vertices is left. Directions are drawn as the camera draws them, and the BSDF is that of the path
-//! from the camera: shading normals make no difference.
-
-use std::cell::OnceCell;
+//! A light subpath follows light from a face of a pane or from a lamp. It keeps a vertex wherever light is scattered
+//! into a solid angle. It ends at whatever light subpaths do not go through: bodies of glass, mirrors, thin walls,
+//! places where bodies meet, and lights. Each vertex knows what there is to know of the path from there to the light. So one
+//! sum over all pairs of vertices is left. Directions are drawn as the camera draws them, and the BSDF is that of the
+//! path from the camera: shading normals make no difference.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
+use super::light_vertex::{FoundBy, LightSubpath, LightVertex, OneSubpath};
+use super::lobe::{Lobe, absorption_behind};
 use super::media::{Around, Meeting};
 use super::stretch::{Origin, Stretch};
-use super::{Lobe, PathTracer, Walk, absorption_behind};
+use super::{PathTracer, Walk};
 use crate::bsdf::polarisation::Polarisation;
-use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
+use crate::bsdf::{SampleKind, SurfacePoint};
 use crate::document::PathEvent;
 use crate::geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceId};
 use crate::integrator::light_subpaths::{Edge, FromCamera, FromLight, PlaceOnFace, SUBPATHS, Start, connection_share};
@@ -26,82 +26,6 @@ use crate::specular::scope::MOST_SPECULAR_VERTICES;
 use crate::specular::{Arrival, Link, SpecularPath};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
-
-/// The light subpaths of a camera sample.
-pub(super) type LightSubpath<'a> = ArrayVec<OneSubpath<'a>, { SUBPATHS as usize }>;
-
-/// A light subpath that has reached a surface which scatters light into a solid angle.
-pub(super) struct OneSubpath<'a> {
-    pub(super) start: Start,
-    /// The specular vertices between its first vertex and the light, from there.
-    pub(super) links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
-    /// Density with which its first vertex was found, for each unit of area and of solid angle, and the part of it that
-    /// is due to choices at the links.
-    pub(super) density: f64,
-    pub(super) choices: f64,
-    pub(super) vertices: Vec<LightVertex<'a>>,
-    /// What happens from the light on.
-    events: Vec<PathEvent>,
-    /// How densely the method finds the light at the first vertex, if that is the camera's second diffuse vertex, or a
-    /// later one.
-    found: [OnceCell<FoundBy>; 2],
-}
-
-/// How else than by a light subpath the light at the first vertex of one is found.
-#[derive(Clone, Copy, Debug)]
-enum FoundBy {
-    /// By a method, with this density for each unit of solid angle.
-    Method(f64),
-    /// By a method that shares it with none.
-    MethodAlone,
-    /// By chance.
-    Chance,
-    /// Straight from the light, by next event estimation with this density, and by chance if the light can be met.
-    Straight(f64),
-}
-
-/// A vertex of a light subpath.
-pub(super) struct LightVertex<'a> {
-    pub(super) bsdf: &'a dyn Bsdf,
-    pub(super) at: SurfacePoint,
-    pub(super) position: DVec3,
-    pub(super) triangle: u32,
-    /// Unit direction in which light arrives.
-    pub(super) incident: DVec3,
-    /// Light that arrives, over its density and the cosine at which it does.
-    weight: DVec3,
-    /// What other techniques find of the path; none at the first vertex.
-    pub(super) by_camera: Option<FromLight>,
-    /// Density with which the camera's walk would go on from here, known once light goes on.
-    pub(super) of_camera: f64,
-    /// Unit direction in which light goes on.
-    pub(super) outgoing: DVec3,
-    /// How many events there are up to here, without its own.
-    events: usize,
-    /// Vertices between the light and this one, with it.
-    depth: u32,
-}
-
-impl LightVertex<'_> {
-    /// BSDF times cosine towards the light, from a direction towards the camera.
-    fn eval(&self, towards_camera: DVec3) -> DVec3 {
-        self.bsdf.eval(&self.at, -towards_camera, -self.incident)
-    }
-
-    /// Density with which a camera's walk from there would go on to the light.
-    fn of_camera(&self, towards_camera: DVec3) -> f64 {
-        self.bsdf.pdf(&self.at, -towards_camera, -self.incident)
-    }
-
-    /// Density with which light goes on in a direction.
-    pub(super) fn of_light(&self, towards_camera: DVec3) -> f64 {
-        self.bsdf.pdf(&self.at, self.incident, towards_camera)
-    }
-
-    fn cosine(&self, direction: DVec3) -> f64 {
-        self.at.normals.geometric.dot(direction).abs()
-    }
-}
 
 impl PathTracer<'_> {
     /// The light subpaths of a camera sample.

@@ -56,7 +56,7 @@ fn see(light: &Value, panes: usize, integrator: &str) -> Seen {
 #[track_caller]
 fn check(light: &Value, panes: usize, gain: f64) {
     let [expected, found] = ["cone", "auto"].map(|integrator| see(light, panes, integrator));
-    let error = found.error.hypot(expected.error);
+    let error = libm::hypot(found.error, expected.error);
     let what = format!("{found:?}, {expected:?}: {panes} panes, {light}");
     assert!((found.mean - expected.mean).abs() < 4.0 * error, "{what}");
     assert!(error < 0.03 * expected.mean, "no power: {what}");

@@ -2,14 +2,12 @@
 
 use glam::DVec3;
 
-use super::{PathTracer, Walk, through_body};
-use crate::bsdf::{Bsdf, SurfacePoint};
+use super::lobe::{Lobe, sides};
+use super::{PathTracer, Walk};
 use crate::document::PathEvent;
 use crate::geometry::{MOST_PASSED, Ray};
-use crate::integrator::light_subpaths::FromCamera;
 use crate::light::{AskedLight, LightHit, Receiver};
 use crate::scene::ShadingPoint;
-use crate::scene::media::Bodies;
 use crate::specular::SpecularEvent;
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
@@ -20,61 +18,6 @@ const BEHIND_WALLS: [PathEvent; MOST_PASSED + 1] = {
     events[MOST_PASSED] = PathEvent::Light;
     events
 };
-
-/// The point with the normal of each side on which light from specular surfaces is gathered.
-pub(super) fn sides(point: ShadingPoint, gathers_behind: bool) -> impl Iterator<Item = ShadingPoint> {
-    let behind = ShadingPoint { normal: -point.normal, ..point };
-    std::iter::once(point).chain(gathers_behind.then_some(behind))
-}
-
-/// A BSDF at a point that a path has reached.
-pub(super) struct Lobe<'a> {
-    pub(super) bsdf: &'a dyn Bsdf,
-    pub(super) at: &'a SurfacePoint,
-    pub(super) incident: DVec3,
-    /// How it asks for light.
-    pub(super) receiver: Receiver,
-    /// What absorbs light on the side from which the path has come, and on the other side, per metre.
-    pub(super) bodies: [DVec3; 2],
-    /// The bodies that meet others, on both sides.
-    pub(super) around: [&'a Bodies; 2],
-    /// What light subpaths find of the path up to it.
-    pub(super) by_light: FromCamera,
-}
-
-impl Lobe<'_> {
-    pub(super) fn eval(&self, outgoing: DVec3) -> DVec3 {
-        self.bsdf.eval(self.at, self.incident, outgoing)
-    }
-
-    pub(super) fn pdf(&self, outgoing: DVec3) -> f64 {
-        self.bsdf.pdf(self.at, self.incident, outgoing)
-    }
-
-    /// What light subpaths find of the path, if it goes on in a direction.
-    pub(super) fn by_light(&self, outgoing: DVec3) -> f64 {
-        self.by_light.total(self.bsdf.pdf(self.at, -outgoing, -self.incident))
-    }
-
-    pub(super) fn cosine(&self, outgoing: DVec3) -> f64 {
-        self.at.normals.geometric.dot(outgoing).abs()
-    }
-
-    /// What remains of light that comes from this far in a direction.
-    pub(super) fn kept(&self, outgoing: DVec3, distance: f64) -> DVec3 {
-        through_body(self.bodies[self.side(outgoing)], distance)
-    }
-
-    /// The bodies into which a direction leads.
-    pub(super) fn around(&self, outgoing: DVec3) -> &Bodies {
-        self.around[self.side(outgoing)]
-    }
-
-    pub(super) fn side(&self, outgoing: DVec3) -> usize {
-        let normal = self.at.normals.geometric;
-        usize::from(outgoing.dot(normal) * self.incident.dot(normal) > 0.0)
-    }
-}
 
 impl PathTracer<'_> {
     /// Adds the light that a vertex scatters into the path: straight from the lights, and over chains of specular

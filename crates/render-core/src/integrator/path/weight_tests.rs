@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::from_light::{LightVertex, OneSubpath};
+use super::light_vertex::{LightVertex, OneSubpath};
 use super::*;
+use crate::bsdf::{Bsdf, SurfacePoint};
 use crate::document::{SceneBundle, SceneDescription};
 use crate::integrator::light_subpaths::{Edge, PlaceOnFace, connection_share};
+use crate::scene::media::Bodies;
 use crate::specular::{Arrival, SampledPath};
 use clerestory_film::SamplerSettings;
 
@@ -207,7 +209,8 @@ fn shares_of_all_techniques_in_a_path_sum_to_one() {
     let bulb = json!({"sphere": {"name": "bulb", "centre": [0.5, 1, 2], "radius": 0.1, "radiance": [9, 9, 9]}});
     let spark = json!({"point": {"name": "spark", "position": [1, 0.5, 1], "intensity": [1, 1, 1]}});
     let panel = json!({"rectangle": {
-        "name": "panel", "centre": [0.2, 0, 2.9], "edge_u": [0, 0.6, 0], "edge_v": [0.8, 0, 0], "radiance": [1, 1, 1]}});
+        "name": "panel", "centre": [0.2, 0, 2.9], "edge_u": [0, 0.6, 0], "edge_v": [0.8, 0, 0],
+        "radiance": [1, 1, 1]}});
     for panes in [1, 2] {
         let scene = prepared(&room(&json!([sun, lamp, sky, bulb, spark, panel]), panes));
         let tracer = PathTracer::new(&scene);
