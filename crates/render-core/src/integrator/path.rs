@@ -18,7 +18,7 @@ mod stretch;
 use glam::DVec3;
 
 use self::light_vertex::LightSubpath;
-use self::lobe::{Lobe, absorption_behind, sides, through_body};
+use self::lobe::{Lobe, absorption_before, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
 use self::stretch::{Origin, Stretch};
 use super::light_subpaths::{FromCamera, Starts};
@@ -315,9 +315,7 @@ impl<'a> PathTracer<'a> {
         let at = self.scene.surface_point(triangle, barycentric);
         let incident = walk.ray.direction;
         let leaves = incident.dot(at.normals.geometric) > 0.0;
-        // A body ends here, whether the path has entered it or began in it.
-        let begins_in = leaves && interface.is_none() && bsdf.absorption() != DVec3::ZERO;
-        let absorbs = if begins_in { bsdf.absorption() } else { walk.body };
+        let absorbs = if interface.is_none() { absorption_before(bsdf, leaves, walk.body) } else { walk.body };
         if absorbs != DVec3::ZERO {
             walk.throughput *= absorption(absorbs, distance);
         }
@@ -355,7 +353,7 @@ impl<'a> PathTracer<'a> {
         let next = bsdf.sample_polarised(&at, incident, &mut walk.polarisation, stream);
         let Some(next) = next else { return false };
         walk.throughput *= next.weight;
-        let by_light = |by_light: FromCamera| by_light.total(bsdf.pdf(&at, -next.direction, -incident));
+        let by_light = |by_light: FromCamera| by_light.total(|| bsdf.pdf(&at, -next.direction, -incident));
         let cosine = next.direction.dot(at.normals.geometric).abs();
         let goes_through = next.direction.dot(at.normals.geometric) * incident.dot(at.normals.geometric) > 0.0;
         walk.body = if goes_through { behind } else { absorbs };

@@ -62,9 +62,9 @@ impl FromCamera {
         Self { near, beyond: beyond * before }
     }
 
-    /// The sum, if light would go on from the vertex with this density.
-    pub(in crate::integrator) fn total(&self, of_light: f64) -> f64 {
-        self.near + self.beyond * of_light
+    /// The sum, if light would go on from the vertex with a density, which is asked for only where it matters.
+    pub(in crate::integrator) fn total(&self, of_light: impl FnOnce() -> f64) -> f64 {
+        if self.beyond == 0.0 { self.near } else { self.near + self.beyond * of_light() }
     }
 }
 

@@ -10,7 +10,7 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::light_vertex::{FoundBy, LightSubpath, LightVertex, OneSubpath};
-use super::lobe::{Lobe, absorption_behind};
+use super::lobe::{Lobe, absorption_before, absorption_behind};
 use super::media::{Around, Meeting};
 use super::stretch::{Origin, Stretch};
 use super::{PathTracer, Walk};
@@ -129,8 +129,7 @@ impl PathTracer<'_> {
             return false;
         }
         let leaves = incident.dot(at.normals.geometric) > 0.0;
-        let begins_in = leaves && bsdf.absorption() != DVec3::ZERO;
-        let absorbs = if begins_in { bsdf.absorption() } else { walk.body };
+        let absorbs = absorption_before(bsdf, leaves, walk.body);
         if absorbs != DVec3::ZERO {
             walk.throughput *= absorption(absorbs, distance);
         }

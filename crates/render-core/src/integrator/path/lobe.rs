@@ -41,7 +41,7 @@ impl Lobe<'_> {
 
     /// What light subpaths find of the path, if it goes on in a direction.
     pub(super) fn by_light(&self, outgoing: DVec3) -> f64 {
-        self.by_light.total(self.bsdf.pdf(self.at, -outgoing, -self.incident))
+        self.by_light.total(|| self.bsdf.pdf(self.at, -outgoing, -self.incident))
     }
 
     pub(super) fn cosine(&self, outgoing: DVec3) -> f64 {
@@ -62,6 +62,12 @@ impl Lobe<'_> {
         let normal = self.at.normals.geometric;
         usize::from(outgoing.dot(normal) * self.incident.dot(normal) > 0.0)
     }
+}
+
+/// What absorbs light before a surface, per metre: the body that ends there, whether the path has entered it or began in
+/// it. `body` is the one that the path has entered.
+pub(super) fn absorption_before(bsdf: &dyn Bsdf, leaves: bool, body: DVec3) -> DVec3 {
+    if leaves && bsdf.absorption() != DVec3::ZERO { bsdf.absorption() } else { body }
 }
 
 /// What absorbs light behind a surface, per metre, if this does before it. A thin wall bounds no body: behind it is

@@ -115,7 +115,7 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
         let [of_camera, of_light] = before.densities();
         let cosines = [before.cosines()[1], vertex.cosines()[0]];
         let edge = Edge { straight: Some(squared(number - 1)), cosines, pdf: of_camera };
-        by_light.push(FromCamera::behind(&edge, by_light[number - 1].total(of_light)));
+        by_light.push(FromCamera::behind(&edge, by_light[number - 1].total(|| of_light)));
     }
     let last = vertices.len() - 1;
     let mut shares: Vec<f64> = (0..last)
@@ -124,7 +124,7 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
             let [of_camera, of_light] = here.densities();
             let in_subpath = last - number - 1;
             let by_camera = tracer.by_camera(subpath, in_subpath, next.towards[0], last as u32, counters);
-            let from = [(by_light[number].total(of_light), of_camera), (by_camera.unwrap(), next.densities()[1])];
+            let from = [(by_light[number].total(|| of_light), of_camera), (by_camera.unwrap(), next.densities()[1])];
             connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from)
         })
         .collect();
@@ -143,7 +143,7 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
         pdf: of_camera,
         gathers_behind: false,
         cosine: end.cosines()[1],
-        by_light: by_light[last].total(of_light),
+        by_light: by_light[last].total(|| of_light),
     };
     let to_light = Ray::new(start.ray.origin, -start.ray.direction);
     let of_end = if let Some(PlaceOnFace { pane, face, sample, .. }) = start.on {
