@@ -64,8 +64,8 @@ impl Lobe<'_> {
     }
 }
 
-/// What absorbs light before a surface, per metre: the body that ends there, whether the path has entered it or began in
-/// it. `body` is the one that the path has entered.
+/// What absorbs light before a surface, per metre: the body that ends there, whether the path has entered it or began
+/// in it. `body` is the one that the path has entered.
 pub(super) fn absorption_before(bsdf: &dyn Bsdf, leaves: bool, body: DVec3) -> DVec3 {
     if leaves && bsdf.absorption() != DVec3::ZERO { bsdf.absorption() } else { body }
 }
