@@ -294,7 +294,7 @@ fn seeded_picture(
 /// The mean of `passes` passes in each tile.
 fn picture(scene: &PreparedScene, passes: &(dyn Fn(usize) -> u32 + Sync)) -> (Image, Counters) {
     let film = scene.description().film;
-    let grid = TileGrid { width: film.width, height: film.height, tile_size: TILE as u32 };
+    let grid = TileGrid::new(film.width, film.height, TILE as u32);
     let tiles: Vec<(Vec<DVec3>, Counters)> = (0..grid.len())
         .into_par_iter()
         .map(|tile| {

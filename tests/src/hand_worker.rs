@@ -56,8 +56,7 @@ impl<'a> HandWorker<'a> {
         }
         let description = SceneDescription::parse(order.scene.to_string().as_bytes()).expect("a scene");
         let bundle = SceneBundle::from_parts(description, assets).expect("a scene with its files");
-        let film = bundle.description().film;
-        let grid = TileGrid { width: film.width, height: film.height, tile_size: order.tile_size };
+        let grid = bundle.description().grid(order.tile_size);
         Self {
             caller,
             id,

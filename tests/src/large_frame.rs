@@ -58,8 +58,7 @@ pub fn scene(folder: &Path, edge: u32) -> PathBuf {
 /// When the file is no image, or the scene cannot be rendered.
 pub fn check(image: &Path, scene_file: &Path, tile_size: u32, tiles: &[u32]) -> Result<(), String> {
     let scene = PreparedScene::build(&document::load(scene_file).expect("a scene")).expect("a scene that can be built");
-    let film = scene.description().film;
-    let grid = TileGrid { width: film.width, height: film.height, tile_size };
+    let grid = scene.description().grid(tile_size);
     let found = metadata(image);
     if (found.tile_size, found.tile_passes.len()) != (tile_size, grid.len() as usize) {
         return Err(format!("{} tiles of {} pixels", found.tile_passes.len(), found.tile_size));

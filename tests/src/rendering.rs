@@ -22,7 +22,7 @@ impl<'a> Rendering<'a> {
     /// Nothing rendered yet.
     pub fn new(scene: &'a PreparedScene) -> Self {
         let film = scene.description().film;
-        let grid = TileGrid { width: film.width, height: film.height, tile_size: film.width.max(film.height) };
+        let grid = scene.description().grid(film.width.max(film.height));
         let pixels = film.width as usize * film.height as usize;
         Self { scene, grid, passes: 0, sums: vec![DVec3::ZERO; pixels], counters: Counters::default() }
     }
@@ -33,12 +33,14 @@ impl<'a> Rendering<'a> {
     ///
     /// When a sample is not finite.
     pub fn render_pass(&mut self) -> Result<(), RenderError> {
-        let address = NodeAddress { frame: 0, tile: 0, level: 0, index: self.passes };
-        let rendered = render_node(self.scene, &self.grid, address, &AtomicBool::new(false))?;
-        for (sum, pass) in self.sums.iter_mut().zip(&rendered.node.layers().beauty) {
-            *sum += DVec3::from(pass.map(f64::from));
+        for tile in 0..self.grid.len() {
+            let address = NodeAddress { frame: 0, tile, level: 0, index: self.passes };
+            let rendered = render_node(self.scene, &self.grid, address, &AtomicBool::new(false))?;
+            for (sum, pass) in self.sums.iter_mut().zip(&rendered.node.layers().beauty) {
+                *sum += DVec3::from(pass.map(f64::from));
+            }
+            self.counters += rendered.counters;
         }
-        self.counters += rendered.counters;
         self.passes += 1;
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use clerestory_film::{FrameImage, ImageMetadata, TileGrid};
+use clerestory_film::{ImageMetadata, TileGrid};
 use clerestory_render_core::document::{SamplingDescription, SceneBundle, SceneDescription};
 use clerestory_render_core::scene::description::FilmDescription;
 
@@ -14,8 +14,8 @@ use crate::text::counted;
 pub(crate) struct Recipe {
     /// The scene with the image's overrides.
     pub(crate) bundle: SceneBundle,
-    /// Edge of a tile in pixels.
-    pub(crate) tile_size: u32,
+    /// How the film is cut into tiles.
+    pub(crate) grid: TileGrid,
     /// Passes of each tile, in the order of the tiles.
     pub(crate) tile_passes: Vec<u32>,
 }
@@ -29,7 +29,6 @@ pub(crate) fn recipe(bundle: SceneBundle, scene: &Path, image: &Path) -> Result<
             image.display()
         )));
     };
-    check_tiles(image, &picture, metadata)?;
     let failure = |source| Failure::scene(scene, source);
     let mut description = bundle.description().clone();
     description.seed = metadata.seed;
@@ -51,7 +50,8 @@ pub(crate) fn recipe(bundle: SceneBundle, scene: &Path, image: &Path) -> Result<
             metadata.scene_hash
         )));
     }
-    Ok(Recipe { bundle, tile_size: metadata.tile_size, tile_passes: metadata.tile_passes.clone() })
+    let grid = grid(image, bundle.description(), metadata)?;
+    Ok(Recipe { bundle, grid, tile_passes: metadata.tile_passes.clone() })
 }
 
 /// Whether a scene had this hash before its file said `"version": 2`.
@@ -60,17 +60,20 @@ fn was_version_1(bundle: &SceneBundle, hash: &str) -> bool {
     bundle.clone().with_description(old).is_ok_and(|old| old.scene_hash().to_string() == hash)
 }
 
-/// Checks that the tiles are those of the image: the metadata may come from anyone.
-fn check_tiles(file: &Path, picture: &FrameImage, metadata: &ImageMetadata) -> Result<(), Failure> {
-    let grid = TileGrid { width: picture.width(), height: picture.height(), tile_size: metadata.tile_size.max(1) };
-    if metadata.tile_size == 0 || metadata.tile_passes.len() != grid.len() as usize {
-        return Err(Failure::Usage(format!(
+/// How the film of an image was cut into tiles: the metadata may come from anyone. Earlier builds knew no light plane.
+fn grid(file: &Path, description: &SceneDescription, metadata: &ImageMetadata) -> Result<TileGrid, Failure> {
+    let grid = description.grid(metadata.tile_size.max(1));
+    let found = [grid, grid.with_light_plane(false)]
+        .into_iter()
+        .find(|grid| metadata.tile_passes.len() == grid.len() as usize)
+        .filter(|_| metadata.tile_size > 0);
+    found.ok_or_else(|| {
+        Failure::Usage(format!(
             "the image {} counts passes for {} of edge {}: expected {}",
             file.display(),
             counted(metadata.tile_passes.len() as u64, "tile", "tiles"),
             metadata.tile_size,
             counted(grid.len().into(), "tile", "tiles")
-        )));
-    }
-    Ok(())
+        ))
+    })
 }

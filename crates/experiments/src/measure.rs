@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use clerestory_film::{Targets, TileGrid, smallest_tile};
+use clerestory_film::{Targets, smallest_tile};
 use clerestory_local_render::{self as local_render, Clocks, LocalFilm, Outcome, PassPlan, Provenance, Spent};
 use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::integrator::PreparedScene;
@@ -122,7 +122,7 @@ pub(crate) fn shared(
     let sampling = scene.sampling();
     let passes = samples.div_ceil(sampling.samples_per_pass()).max(1);
     let FilmDescription { width, height } = scene.description().film;
-    let grid = TileGrid { width, height, tile_size: SHARED_TILE.max(smallest_tile(width, height)) };
+    let grid = scene.description().grid(SHARED_TILE.max(smallest_tile(width, height)));
     let adaptation = match sharing {
         Sharing::Even => None,
         Sharing::ByNoise => Targets::default().adaptation(sampling, passes).ok(),
@@ -188,7 +188,7 @@ fn scene_error(bundle: &SceneBundle, source: SceneError) -> ExperimentError {
 fn plan(scene: &PreparedScene, passes: u32) -> PassPlan {
     let film = scene.description().film;
     let tile_size = TILE.max(smallest_tile(film.width, film.height));
-    let grid = TileGrid { width: film.width, height: film.height, tile_size };
+    let grid = scene.description().grid(tile_size);
     PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![passes; grid.len() as usize], adaptation: None }
 }
 

@@ -114,10 +114,11 @@ pub fn noise(pilot: &[impl Borrow<Node>]) -> f64 {
     squares / ((count - 1.0).max(1.0) * numbers.max(1) as f64)
 }
 
-/// The share of each tile of a frame, in the order of the tiles, from the noise of each. All of them get all passes
-/// where no noise has been seen: a pilot that has met no light does not know where it falls.
+/// The share of each tile of a frame, in the order of the tiles, from the noise of each tile of the camera plane. All
+/// of them get all passes where no noise has been seen: a pilot that has met no light does not know where it falls. The
+/// light plane gets all passes in any case.
 pub fn shares(grid: &TileGrid, noise: &[f64]) -> Vec<Share> {
-    let noise: Vec<f64> = (0..grid.len()).map(|tile| cautious(grid, noise, tile)).collect();
+    let noise: Vec<f64> = (0..grid.camera_tiles()).map(|tile| cautious(grid, noise, tile)).collect();
     let most = noise.iter().copied().fold(0.0, f64::max);
     let share = |noise: f64| {
         let units = f64::from(Share::ALL) * (noise / most).sqrt();
@@ -128,7 +129,8 @@ pub fn shares(grid: &TileGrid, noise: &[f64]) -> Vec<Share> {
             Share::ALL
         })
     };
-    noise.into_iter().map(share).collect()
+    let light = grid.light_tile().map(|_| Share(Share::ALL));
+    noise.into_iter().map(share).chain(light).collect()
 }
 
 /// The noise of a tile, but no less than that of the tile and its neighbours together.

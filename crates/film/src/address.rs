@@ -30,7 +30,19 @@ impl PassRange {
     }
 }
 
-/// A rectangle of pixels.
+/// A plane of a film: what its samples start from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Plane {
+    /// The camera: each sample belongs to a pixel.
+    #[default]
+    Camera,
+    /// The lights: a pass has as many light subpaths as a pass of the camera plane has samples, and each leaves splats
+    /// anywhere in the frame.
+    Light,
+}
+
+/// A rectangle of pixels of one plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Tile {
     /// Leftmost pixel.
@@ -41,9 +53,17 @@ pub struct Tile {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
+    /// The plane.
+    #[serde(default)]
+    pub plane: Plane,
 }
 
 impl Tile {
+    /// A rectangle of the camera plane.
+    pub const fn new([x, y]: [u32; 2], [width, height]: [u32; 2]) -> Self {
+        Self { x, y, width, height, plane: Plane::Camera }
+    }
+
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
@@ -68,8 +88,12 @@ pub fn smallest_tile(width: u32, height: u32) -> u32 {
     (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE)
 }
 
-/// How an image is cut into tiles: squares of `tile_size`, smaller at the right and bottom borders, numbered in rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// The most pixels of a frame that has a light plane: a worker holds the whole of it, 36 bytes for each pixel.
+pub const MOST_LIGHT_PIXELS: u64 = 1 << 24;
+
+/// How a film is cut into tiles. Those of the camera plane are squares of `tile_size`, smaller at the right and bottom
+/// borders, numbered in rows. The light plane, if there is one, is the last tile: the whole frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TileGrid {
     /// Pixels across the image.
     pub width: u32,
@@ -77,9 +101,22 @@ pub struct TileGrid {
     pub height: u32,
     /// Edge of a tile in pixels.
     pub tile_size: u32,
+    /// Whether there is a light plane.
+    pub has_light_plane: bool,
 }
 
 impl TileGrid {
+    /// The camera plane of an image, without a light plane.
+    pub const fn new(width: u32, height: u32, tile_size: u32) -> Self {
+        Self { width, height, tile_size, has_light_plane: false }
+    }
+
+    /// The same with a light plane, or without one.
+    #[must_use]
+    pub const fn with_light_plane(self, has_light_plane: bool) -> Self {
+        Self { has_light_plane, ..self }
+    }
+
     /// Tiles across.
     pub fn columns(&self) -> u32 {
         self.width.div_ceil(self.tile_size)
@@ -90,9 +127,19 @@ impl TileGrid {
         self.height.div_ceil(self.tile_size)
     }
 
+    /// Number of tiles of the camera plane.
+    pub fn camera_tiles(&self) -> u32 {
+        self.columns() * self.rows()
+    }
+
     /// Number of tiles.
     pub fn len(&self) -> u32 {
-        self.columns() * self.rows()
+        self.camera_tiles() + u32::from(self.has_light_plane)
+    }
+
+    /// The tile that is the light plane, if there is one.
+    pub fn light_tile(&self) -> Option<u32> {
+        self.has_light_plane.then(|| self.camera_tiles())
     }
 
     /// Whether there is no tile.
@@ -102,12 +149,15 @@ impl TileGrid {
 
     /// The pixels of tile `index`; `None` when there is no such tile.
     pub fn tile(&self, index: u32) -> Option<Tile> {
-        if index >= self.len() {
+        if Some(index) == self.light_tile() {
+            return Some(Tile { plane: Plane::Light, ..Tile::new([0, 0], [self.width, self.height]) });
+        }
+        if index >= self.camera_tiles() {
             return None;
         }
         let x = index % self.columns() * self.tile_size;
         let y = index / self.columns() * self.tile_size;
-        Some(Tile { x, y, width: self.tile_size.min(self.width - x), height: self.tile_size.min(self.height - y) })
+        Some(Tile::new([x, y], [self.tile_size.min(self.width - x), self.tile_size.min(self.height - y)]))
     }
 }
 
@@ -203,6 +253,17 @@ mod tests {
                 assert!(nodes.windows(2).all(|pair| pair[0].index % 2 == 1 || pair[0].sibling() != pair[1]));
             }
         }
+    }
+
+    #[test]
+    fn the_light_plane_is_the_last_tile_and_the_whole_frame() {
+        let grid = TileGrid::new(21, 13, 8);
+        assert_eq!((grid.len(), grid.light_tile(), grid.tile(6)), (6, None, None));
+        let both = grid.with_light_plane(true);
+        assert_eq!((both.camera_tiles(), both.len(), both.light_tile()), (6, 7, Some(6)));
+        assert!((0..6).all(|index| both.tile(index) == grid.tile(index)));
+        assert_eq!(both.tile(6), Some(Tile { plane: Plane::Light, ..Tile::new([0, 0], [21, 13]) }));
+        assert_eq!(both.tile(7), None);
     }
 
     #[test]

@@ -27,7 +27,8 @@ pub struct ImageMetadata {
     pub sampling: Sampling,
     /// Edge of a tile in pixels.
     pub tile_size: u32,
-    /// Passes of each tile, in the order of the tiles; 0 for a tile that is not there yet.
+    /// Passes of each tile, in the order of the tiles; 0 for a tile that is not there yet. The light plane, if there is
+    /// one, is the last tile.
     pub tile_passes: Vec<u32>,
     /// Tiles of two whole blocks or more, whose standard error is known. Absent in files of earlier builds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -64,7 +65,7 @@ impl ImageMetadata {
         self.standard_error_tiles = Some(self.tiles_with_standard_error());
     }
 
-    /// Tiles of two whole blocks or more, whose standard error is known.
+    /// Tiles of two whole blocks or more, whose standard error is known. The light plane counts as one.
     pub fn tiles_with_standard_error(&self) -> u32 {
         let is_known = |passes: &&u32| self.sampling.complete_blocks(**passes) >= 2;
         u32::try_from(self.tile_passes.iter().filter(is_known).count()).unwrap_or(u32::MAX)
@@ -102,7 +103,8 @@ impl FrameImage {
             let along = |length: u32| if *tile_size == 0 { 0 } else { u64::from(length.div_ceil(*tile_size)) };
             let expected = along(width) * along(height);
             let found = tile_passes.len() as u64;
-            if *tile_size == 0 || found != expected {
+            // With a light plane, or without one.
+            if *tile_size == 0 || !(expected..=expected + 1).contains(&found) {
                 return Err(ImageError::WrongTileCount { tile_size: *tile_size, found, expected });
             }
         }
@@ -116,7 +118,10 @@ impl FrameImage {
     ///
     /// [`ImageError`] when the grid has no pixels or a sum is of another grid.
     pub fn assemble(grid: &TileGrid, sums: &[TileSum], mut metadata: ImageMetadata) -> Result<Self, ImageError> {
-        let has_standard_error = sums.iter().any(|sum| sum.blocks() >= 2);
+        let is_light = |sum: &&TileSum| Some(sum.tile_index) == grid.light_tile();
+        let is_known = |sum: &TileSum| sum.blocks() >= 2;
+        let has_standard_error =
+            sums.iter().any(is_known) && (!grid.has_light_plane || sums.iter().find(is_light).is_some_and(is_known));
         let mut rows = ImageRows::new(*grid, 0..grid.height, LayerChoice::all(has_standard_error));
         metadata.tile_size = grid.tile_size;
         let mut tile_passes = vec![0; grid.len() as usize];
@@ -207,7 +212,7 @@ pub(super) mod tests {
     use crate::test_nodes::noise_node;
     use crate::tree::FilmTile;
 
-    const GRID: TileGrid = TileGrid { width: 7, height: 5, tile_size: 4 };
+    const GRID: TileGrid = TileGrid::new(7, 5, 4);
 
     fn sampling() -> Sampling {
         Sampling::new(4, 16).unwrap()
@@ -282,7 +287,7 @@ pub(super) mod tests {
     fn standard_error_is_the_spread_of_the_mean() {
         // Each sample is uniform in [0, 1]; the squared deviation of the mean in units of the standard error, from 32
         // blocks, is the square of Student's t with 31 degrees of freedom: mean 31/29, variance 2 (31/29)^2 30/27.
-        let tile = Tile { x: 0, y: 0, width: 64, height: 64 };
+        let tile = Tile::new([0, 0], [64, 64]);
         let sampling = Sampling::new(2, 4).unwrap();
         let mut film = FilmTile::new(0, 0, tile, sampling);
         for pass in 0..64 {
@@ -300,7 +305,7 @@ pub(super) mod tests {
             let address = NodeAddress { frame: 0, tile: 0, level: 0, index: pass };
             film.insert(Node::leaf(address, tile, sampling, &PassSums { beauty, first_hit }).unwrap()).unwrap();
         }
-        let grid = TileGrid { width: 64, height: 64, tile_size: 64 };
+        let grid = TileGrid::new(64, 64, 64);
         let image = FrameImage::assemble(&grid, &[film.sum(64).unwrap()], metadata()).unwrap();
         let means = image.layers().mean.as_flattened();
         let errors = image.layers().standard_error.as_ref().unwrap().as_flattened();
@@ -313,9 +318,47 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn an_image_is_the_sum_of_its_planes_in_any_order() {
+        let grid = GRID.with_light_plane(true);
+        let sum = |index: u32, passes: u32| {
+            let tile = grid.tile(index).unwrap();
+            let mut film = FilmTile::new(0, index, tile, sampling());
+            for pass in 0..passes {
+                film.insert(noise_node(NodeAddress { frame: 0, tile: index, level: 0, index: pass }, tile, sampling()))
+                    .unwrap();
+            }
+            film.sum(passes).unwrap()
+        };
+        let (camera, light) = ([sum(0, 9), sum(1, 8), sum(2, 8), sum(3, 8)], sum(4, 8));
+        assert!(light.layers.first_hit.is_none());
+        let alone = FrameImage::assemble(&GRID, &camera, metadata()).unwrap();
+        let sums: Vec<TileSum> = camera.iter().cloned().chain([light.clone()]).collect();
+        let both = FrameImage::assemble(&grid, &sums, metadata()).unwrap();
+        assert_eq!(both.metadata().unwrap().tile_passes, [9, 8, 8, 8, 8]);
+        let turned: Vec<TileSum> = sums.iter().rev().cloned().collect();
+        assert_eq!(FrameImage::assemble(&grid, &turned, metadata()).unwrap().layers(), both.layers());
+        for pixel in 0..35 {
+            let added = light.layers.beauty[pixel].map(|sum| sum / 32.0);
+            let moment = light.layers.moment.as_ref().unwrap()[pixel];
+            let layers = [&alone, &both].map(FrameImage::layers);
+            let error = layers.map(|layers| layers.standard_error.as_ref().unwrap()[pixel]);
+            for channel in 0..3 {
+                assert_eq!(layers[1].mean[pixel][channel], layers[0].mean[pixel][channel] + added[channel]);
+                let own = f64::from(moment[channel]) / 2.0;
+                let expected = (f64::from(error[0][channel]).powi(2) + own).sqrt();
+                assert!((f64::from(error[1][channel]) / expected - 1.0).abs() < 1e-6);
+            }
+            assert_eq!((&layers[0].samples, &layers[0].albedo), (&layers[1].samples, &layers[1].albedo));
+        }
+        // One block of the light plane: nothing is known of its error.
+        let short: Vec<TileSum> = camera.iter().cloned().chain([sum(4, 7)]).collect();
+        assert!(FrameImage::assemble(&grid, &short, metadata()).unwrap().layers().standard_error.is_none());
+    }
+
+    #[test]
     fn metadata_of_an_image_of_another_size_are_refused() {
         let image = image();
-        for (tile_size, tiles) in [(4, 3), (0, 0), (0, 4), (1, 4)] {
+        for (tile_size, tiles) in [(4, 3), (4, 6), (0, 0), (0, 4), (1, 4)] {
             let metadata = ImageMetadata { tile_size, tile_passes: vec![1; tiles], ..metadata() };
             let found = FrameImage::new(7, 5, image.layers.clone(), Some(metadata));
             assert!(matches!(found, Err(ImageError::WrongTileCount { .. })), "{tile_size}, {tiles}");

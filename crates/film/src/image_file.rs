@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn dwa_compression_is_refused_because_its_decoder_trusts_the_data() {
-        let window = Tile { x: 0, y: 0, width: 2, height: 1 };
+        let window = Tile::new([0, 0], [2, 1]);
         let mut part =
             OutputPart { name: "part".to_owned(), json: "null".to_owned(), window, channels: BTreeMap::new() };
         part.add_triples(RGB, &[[1.0; 3]; 2]);
@@ -242,7 +242,7 @@ mod tests {
 
     /// A file of one part with these float channels of one pixel.
     fn file_of(channels: &[(&str, &[f32])], json: &str) -> Vec<u8> {
-        let window = Tile { x: 0, y: 0, width: 1, height: 1 };
+        let window = Tile::new([0, 0], [1, 1]);
         let channels = channels.iter().map(|(name, values)| (name.to_string(), Samples::Float(values))).collect();
         let part = OutputPart { name: "part".to_owned(), json: json.to_owned(), window, channels };
         openexr::write([1, 1], &[part], Compression::Uncompressed).unwrap()

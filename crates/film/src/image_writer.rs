@@ -60,7 +60,7 @@ impl<W: Write> ImageWriter<W> {
         };
         let header = self.header.get_or_insert_with(|| header(self.size, layers));
         let headers = std::slice::from_ref(&*header);
-        let part = output_part(Tile { x: 0, y: 0, width, height: end - self.next_row }, layers);
+        let part = output_part(Tile::new([0, 0], [width, end - self.next_row]), layers);
         let blocks: Vec<BlockIndex> = block::enumerate_ordered_header_block_indices(headers)
             .map(|(_, block)| block)
             .skip((self.next_row / ROWS_PER_BLOCK) as usize)
@@ -124,7 +124,7 @@ pub fn first_bytes(width: u32, height: u32, layers: &ImageLayers) -> Result<Vec<
 fn header(size: [u32; 2], layers: &ImageLayers) -> Header {
     let [width, height] = size;
     let display_window = IntegerBounds::new((0, 0), (width as usize, height as usize));
-    openexr::output_header(&output_part(Tile { x: 0, y: 0, width, height }, layers), display_window, COMPRESSION)
+    openexr::output_header(&output_part(Tile::new([0, 0], [width, height]), layers), display_window, COMPRESSION)
 }
 
 /// The bytes of a file up to where it says where its blocks are.
@@ -177,7 +177,7 @@ mod tests {
     use crate::test_nodes::noise_node;
     use crate::{FilmTile, NodeAddress, Sampling, TileSum};
 
-    const GRID: TileGrid = TileGrid { width: 21, height: 53, tile_size: 12 };
+    const GRID: TileGrid = TileGrid::new(21, 53, 12);
 
     fn sums() -> Vec<TileSum> {
         let sampling = Sampling::new(4, 16).unwrap();
@@ -210,7 +210,7 @@ mod tests {
             let (head, blocks) = writer.finish(image.metadata()).unwrap();
             assert!([head, blocks].concat() == whole, "strips of {rows} rows");
         }
-        let window = Tile { x: 0, y: 0, width: GRID.width, height: GRID.height };
+        let window = Tile::new([0, 0], [GRID.width, GRID.height]);
         let mut part = output_part(window, image.layers());
         part.json = openexr::ascii_json(image.metadata().unwrap()).unwrap();
         assert!(openexr::write([GRID.width, GRID.height], &[part], COMPRESSION).unwrap() == whole);

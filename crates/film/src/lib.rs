@@ -41,7 +41,7 @@ mod test_nodes;
 pub mod tree;
 
 pub use adaptive::{Adaptation, PILOT_ROUND, Share};
-pub use address::{LARGEST_TILE, NodeAddress, PassRange, Tile, TileGrid, smallest_tile};
+pub use address::{LARGEST_TILE, MOST_LIGHT_PIXELS, NodeAddress, PassRange, Plane, Tile, TileGrid, smallest_tile};
 pub use counters::Counters;
 pub use decomposition::{Decomposition, decompose};
 pub use exposure::{AutomaticExposure, MeanLuminance};

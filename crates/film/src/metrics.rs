@@ -89,7 +89,7 @@ pub fn mean_squared_standard_error(image: &FrameImage) -> Option<f64> {
 /// How an image is cut into tiles, as far as it says.
 fn grid(image: &FrameImage) -> TileGrid {
     let tile_size = image.metadata().map_or(TILE_SIZE, |metadata| metadata.tile_size);
-    TileGrid { width: image.width(), height: image.height(), tile_size }
+    TileGrid::new(image.width(), image.height(), tile_size)
 }
 
 /// Sums over the pixels of an image, to which rows are added from the top to the bottom.
@@ -108,7 +108,7 @@ impl<S: Clone + Default + AddAssign> TileSums<S> {
 
     /// Adds rows: `add` is told of a line of a tile as the pixels of these rows that it consists of.
     fn add(&mut self, rows: Range<u32>, add: impl Fn(&mut S, Range<usize>)) {
-        let TileGrid { width, height, tile_size } = self.grid;
+        let TileGrid { width, height, tile_size, .. } = self.grid;
         for y in rows.clone() {
             let line = (y - rows.start) as usize * width as usize;
             for (column, tile) in (0..).zip(&mut self.tiles) {
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn numbers_are_the_same_to_the_last_bit_whole_and_in_strips_of_any_height() {
-        let grid = TileGrid { width: 50, height: 37, tile_size: 16 };
+        let grid = TileGrid::new(50, 37, 16);
         let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
         let mut trials = SampleStream::new(&settings, 0, [0, 0], 0).trials();
         let mut noise = || (0..50 * 37).map(|_| [0; 3].map(|_| trials.next_f64() as f32)).collect::<Vec<_>>();

@@ -36,7 +36,7 @@ pub struct FirstHitSums {
 pub struct PassSums {
     /// Radiance, W/(m2 sr).
     pub beauty: Vec<DVec3>,
-    /// What the camera rays met first; present exactly for the passes of the frame's first block
+    /// What the camera rays met first; present exactly for the passes of the camera plane in the frame's first block
     /// ([`Sampling::is_in_first_block`]).
     pub first_hit: Option<FirstHitSums>,
 }
@@ -233,7 +233,7 @@ impl Node {
             return Err(NodeError::NoSuchNode { level: address.level, index: address.index });
         }
         check_presence("moment", layers.moment.is_some(), sampling.has_moment(address))?;
-        check_presence("first hit", layers.first_hit.is_some(), sampling.has_first_hit(address))?;
+        check_presence("first hit", layers.first_hit.is_some(), sampling.has_first_hit(address, tile.plane))?;
 
         check_layer("beauty", layers.beauty.as_flattened(), 3, &tile)?;
         if let Some(moment) = &layers.moment {
@@ -414,7 +414,7 @@ mod tests {
     use super::*;
     use crate::test_nodes::{noise_node, noise_pass};
 
-    const TILE: Tile = Tile { x: 10, y: 20, width: 5, height: 3 };
+    const TILE: Tile = Tile::new([10, 20], [5, 3]);
 
     fn address(level: u32, index: u32) -> NodeAddress {
         NodeAddress { frame: 0, tile: 0, level, index }

@@ -114,15 +114,15 @@ fn check_part(address: NodeAddress, part: &InputPart, tile: Tile, sampling: Samp
     if part.compression != COMPRESSION {
         return Err(PartialError::WrongCompression { address, found: part.compression.to_string() });
     }
-    check_channels(address, part, sampling)
+    check_channels(address, part, tile, sampling)
 }
 
-fn check_channels(address: NodeAddress, part: &InputPart, sampling: Sampling) -> Result<(), PartialError> {
+fn check_channels(address: NodeAddress, part: &InputPart, tile: Tile, sampling: Sampling) -> Result<(), PartialError> {
     let mut names = BEAUTY.to_vec();
     if sampling.has_moment(address) {
         names.extend(MOMENT);
     }
-    if sampling.has_first_hit(address) {
+    if sampling.has_first_hit(address, tile.plane) {
         names.extend(ALBEDO.iter().chain(&NORMAL).chain([&DEPTH]));
     }
     for &channel in &names {
@@ -145,13 +145,14 @@ fn node_of_planes(
     expected: &Expectation,
 ) -> Result<Node, PartialError> {
     let sampling = expected.sampling;
+    let tile = expected.grid.tile(address.tile).ok_or(PartialError::UnexpectedNode { address })?;
     let mut plane = |channel: &'static str| match planes.remove(channel) {
         Some(Plane::Float(values)) => Ok(values),
         Some(Plane::Integer(_)) | None => Err(PartialError::MissingChannel { address, channel }),
     };
     let beauty = openexr::interleave(BEAUTY, &mut plane)?;
     let moment = if sampling.has_moment(address) { Some(openexr::interleave(MOMENT, &mut plane)?) } else { None };
-    let first_hit = if sampling.has_first_hit(address) {
+    let first_hit = if sampling.has_first_hit(address, tile.plane) {
         Some(FirstHitLayers {
             albedo: openexr::interleave(ALBEDO, &mut plane)?,
             normal: openexr::interleave(NORMAL, &mut plane)?,
@@ -160,7 +161,6 @@ fn node_of_planes(
     } else {
         None
     };
-    let tile = expected.grid.tile(address.tile).ok_or(PartialError::UnexpectedNode { address })?;
     Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, first_hit })
         .map_err(|source| PartialError::BadValue { address, source })
 }
@@ -177,7 +177,7 @@ mod tests {
     use crate::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
     use crate::test_nodes::{bits, noise_node, odd_node};
 
-    const GRID: TileGrid = TileGrid { width: 7, height: 6, tile_size: 4 };
+    const GRID: TileGrid = TileGrid::new(7, 6, 4);
     const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
 
     fn sampling() -> Sampling {
@@ -228,6 +228,25 @@ mod tests {
         nodes.iter().map(|rendered| bits(&rendered.node)).collect()
     }
 
+    #[test]
+    fn nodes_of_the_light_plane_come_back_as_they_were() {
+        let grid = GRID.with_light_plane(true);
+        let tile = grid.light_tile().unwrap();
+        let nodes: Vec<Rendered> = [(0, 0), (2, 1)]
+            .map(|(level, index)| address(tile, level, index))
+            .map(|address| counted(noise_node(address, grid.tile(tile).unwrap(), sampling())))
+            .to_vec();
+        assert!(nodes.iter().all(|rendered| rendered.node.layers().first_hit.is_none()));
+        let expected = Expectation { grid, ..expectation(&nodes) };
+        let bytes = encode(&nodes, &header(), &grid).unwrap();
+        assert_eq!(decode(&bytes, &expected, BUDGET).unwrap(), nodes);
+        for rendered in &nodes {
+            assert_eq!(crate::store::decode(&crate::store::encode(&rendered.node)).unwrap(), rendered.node);
+        }
+        let without = Expectation { grid: GRID, ..expected };
+        assert_refused(&bytes, &without, "tile 4");
+    }
+
     #[track_caller]
     fn assert_refused(bytes: &[u8], expected: &Expectation, message: &str) {
         let error = decode(bytes, expected, BUDGET).unwrap_err().to_string();
@@ -247,19 +266,19 @@ mod tests {
     #[test]
     fn subnormal_and_extreme_values_and_negative_zero_come_back_with_the_same_bits() {
         let node = odd_node();
-        let grid = TileGrid { width: 16, height: 8, tile_size: 4 };
+        let grid = TileGrid::new(16, 8, 4);
         let tile = grid.tile(6).unwrap();
-        assert_eq!(tile, Tile { x: 8, y: 4, width: 4, height: 4 });
+        assert_eq!(tile, Tile::new([8, 4], [4, 4]));
         let node = counted(
             Node::from_layers(
                 NodeAddress { tile: 2, ..node.address() },
-                Tile { x: 8, y: 0, width: 4, height: 2 },
+                Tile::new([8, 0], [4, 2]),
                 node.sampling(),
                 node.layers().clone(),
             )
             .unwrap(),
         );
-        let grid = TileGrid { width: 16, height: 2, tile_size: 4 };
+        let grid = TileGrid::new(16, 2, 4);
         let bytes = encode(std::slice::from_ref(&node), &header(), &grid).unwrap();
         let expected = Expectation { grid, ..expectation(std::slice::from_ref(&node)) };
         let found = decode(&bytes, &expected, BUDGET).unwrap();
@@ -325,7 +344,7 @@ mod tests {
     #[test]
     fn nodes_that_are_no_longer_in_the_grid_are_refused() {
         let nodes = nodes();
-        let grid = Expectation { grid: TileGrid { width: 4, height: 4, tile_size: 4 }, ..expectation(&nodes) };
+        let grid = Expectation { grid: TileGrid::new(4, 4, 4), ..expectation(&nodes) };
         assert_refused(&encoded(&nodes[3..]), &grid, "tile 3, level 1, index 1) was not leased");
     }
 

@@ -1,7 +1,10 @@
 //! A picture of a frame that is small enough to be looked at, kept up to date tile by tile.
 //!
 //! A pixel of it is the mean of a square of pixels of the frame. Only pixels of the tile in the middle of the square
-//! count. So a tile that grows changes no pixel of another tile.
+//! count. So a tile that grows changes no pixel of another tile. The planes of the film are kept apart until the
+//! picture is encoded.
+
+use std::borrow::Cow;
 
 use super::address::TileGrid;
 use super::image_error::ImageError;
@@ -15,22 +18,36 @@ pub struct ReducedImage {
     /// Edge of the square that a pixel stands for.
     factor: u32,
     width: u32,
-    pixels: Vec<[f32; 3]>,
+    /// Of the camera plane, and of the light plane if there is one.
+    planes: Vec<Vec<[f32; 3]>>,
 }
 
 impl ReducedImage {
-    /// A black picture of a frame, of at most `most_pixels` pixels, but of at least one.
+    /// A black picture of a frame, of at most `most_pixels` pixels in all its planes, but of at least one in each.
     pub fn new(grid: TileGrid, most_pixels: u64) -> Self {
         let size = |factor: u32| [grid.width.div_ceil(factor), grid.height.div_ceil(factor)];
-        let fits = |factor: &u32| size(*factor).map(u64::from).iter().product::<u64>() <= most_pixels;
+        let planes = 1 + u64::from(grid.has_light_plane);
+        let fits = |factor: &u32| planes * size(*factor).map(u64::from).iter().product::<u64>() <= most_pixels;
         let factor = (1..grid.width.max(grid.height)).find(fits).unwrap_or(grid.width.max(grid.height).max(1));
         let [width, height] = size(factor);
-        Self { grid, factor, width, pixels: vec![[0.0; 3]; width as usize * height as usize] }
+        let plane = vec![[0.0; 3]; width as usize * height as usize];
+        Self { grid, factor, width, planes: vec![plane; 1 + usize::from(grid.has_light_plane)] }
     }
 
-    /// Pixels of the picture.
+    /// Pixels of all its planes.
     pub fn pixels(&self) -> u64 {
-        self.pixels.len() as u64
+        self.planes.iter().map(|plane| plane.len() as u64).sum()
+    }
+
+    /// The sum of its planes.
+    fn shown(&self) -> Cow<'_, [[f32; 3]]> {
+        match &self.planes[..] {
+            [camera, light] => {
+                let sum = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|channel| a[channel] + b[channel]);
+                camera.iter().zip(light).map(sum).collect()
+            }
+            planes => Cow::Borrowed(planes.first().map_or(&[], |camera| &camera[..])),
+        }
     }
 
     /// Shows a tile.
@@ -74,11 +91,12 @@ impl ReducedImage {
     ///
     /// [`PreviewError`] when it is too large for the format.
     pub fn encode_png(&self, settings: &PreviewSettings) -> Result<Vec<u8>, PreviewError> {
-        encode_pixels(self.width, self.grid.height.div_ceil(self.factor), &self.pixels, settings)
+        encode_pixels(self.width, self.grid.height.div_ceil(self.factor), &self.shown(), settings)
     }
 
     /// Computes the pixels that stand for a tile, each from its column and row.
     fn each_pixel(&mut self, tile: u32, pixel: impl Fn([u32; 2]) -> [f32; 3]) {
+        let plane = usize::from(Some(tile) == self.grid.light_tile());
         let Some(tile) = self.grid.tile(tile) else { return };
         let middles = |first: u32, length: u32, whole: u32| {
             let factor = self.factor;
@@ -89,7 +107,7 @@ impl ReducedImage {
         let columns: Vec<u32> = middles(tile.x, tile.width, self.grid.width).collect();
         for y in middles(tile.y, tile.height, self.grid.height).collect::<Vec<_>>() {
             for x in &columns {
-                self.pixels[y as usize * self.width as usize + *x as usize] = pixel([*x, y]);
+                self.planes[plane][y as usize * self.width as usize + *x as usize] = pixel([*x, y]);
             }
         }
     }
@@ -119,28 +137,29 @@ mod tests {
 
     #[test]
     fn a_frame_that_fits_is_shown_as_it_is() {
-        let grid = TileGrid { width: 21, height: 13, tile_size: 8 };
-        let sums: Vec<TileSum> = [0, 2, 5].map(|index| sum(grid, index)).to_vec();
-        let mut reduced = ReducedImage::new(grid, 21 * 13);
-        assert_eq!(reduced.pixels(), 21 * 13);
+        let grid = TileGrid::new(21, 13, 8);
+        let grid = grid.with_light_plane(true);
+        let sums: Vec<TileSum> = [6, 0, 2, 5].map(|index| sum(grid, index)).to_vec();
+        let mut reduced = ReducedImage::new(grid, 2 * 21 * 13);
+        assert_eq!(reduced.pixels(), 2 * 21 * 13);
         sums.iter().for_each(|sum| reduced.put(sum).unwrap());
-        assert!(reduced.pixels == means(grid, &sums));
+        assert!(reduced.shown() == means(grid, &sums));
         let settings = PreviewSettings { exposure: Exposure::Automatic, curve: ToneCurve::Filmic };
         let png = image::load_from_memory(&reduced.encode_png(&settings).unwrap()).unwrap();
         assert_eq!((png.width(), png.height()), (21, 13));
         reduced.clear(2);
-        assert!(reduced.pixels == means(grid, &[sums[0].clone(), sums[2].clone()]));
+        assert!(reduced.shown() == means(grid, &[sums[0].clone(), sums[1].clone(), sums[3].clone()]));
     }
 
     #[test]
     fn a_larger_frame_is_shown_as_means_of_squares() {
-        let grid = TileGrid { width: 22, height: 14, tile_size: 8 };
+        let grid = TileGrid::new(22, 14, 8);
         let sums: Vec<TileSum> = (0..grid.len()).map(|index| sum(grid, index)).collect();
         let mut reduced = ReducedImage::new(grid, 100);
         assert_eq!((reduced.factor, reduced.width, reduced.pixels()), (2, 11, 77));
         sums.iter().for_each(|sum| reduced.put(sum).unwrap());
         let means = means(grid, &sums);
-        for (index, pixel) in reduced.pixels.iter().enumerate() {
+        for (index, pixel) in reduced.shown().iter().enumerate() {
             let (x, y) = (index % 11 * 2, index / 11 * 2);
             for channel in 0..3 {
                 let square =
@@ -154,18 +173,18 @@ mod tests {
     #[test]
     fn every_pixel_is_that_of_one_tile_also_where_squares_do_not_fit() {
         for (width, height, tile_size, most) in [(23, 17, 5, 50), (23, 17, 7, 30), (40, 3, 10, 9), (16, 16, 16, 1)] {
-            let grid = TileGrid { width, height, tile_size };
+            let grid = TileGrid::new(width, height, tile_size);
             let mut reduced = ReducedImage::new(grid, most);
             assert!(reduced.pixels() <= most);
             for index in 0..grid.len() {
                 reduced.put(&sum(grid, index)).unwrap();
             }
-            assert!(reduced.pixels.iter().all(|pixel| pixel[0] > 0.0), "{grid:?}");
+            assert!(reduced.shown().iter().all(|pixel| pixel[0] > 0.0), "{grid:?}");
             let whole = reduced.clone();
             for index in 0..grid.len() {
                 reduced.clear(index);
             }
-            assert!(reduced.pixels.iter().all(|pixel| *pixel == [0.0; 3]), "{grid:?}");
+            assert!(reduced.shown().iter().all(|pixel| *pixel == [0.0; 3]), "{grid:?}");
             // In any order.
             (0..grid.len()).rev().for_each(|index| reduced.put(&sum(grid, index)).unwrap());
             assert!(reduced == whole);

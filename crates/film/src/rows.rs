@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::address::{Tile, TileGrid};
+use super::address::{Plane, Tile, TileGrid};
 use super::image_error::ImageError;
 use super::image_layers::ImageLayers;
 use super::tree::TileSum;
@@ -79,7 +79,8 @@ impl ImageRows {
         &self.layers
     }
 
-    /// Writes the means of those pixels of a tile that lie in these rows.
+    /// Adds the means of those pixels of a tile that lie in these rows. An image is the sum of its planes. Each tile may
+    /// be added once, in any order.
     ///
     /// # Errors
     ///
@@ -101,7 +102,7 @@ impl ImageRows {
 }
 
 impl ImageLayers {
-    /// Writes the means of a line of a tile, from pixel `in_tile` of the tile on, to the pixels from `in_rows` on.
+    /// Adds the means of a line of a tile, from pixel `in_tile` of the tile on, to the pixels from `in_rows` on.
     fn fill_line(&mut self, sum: &TileSum, tile: Tile, in_tile: usize, in_rows: usize) {
         let samples = sum.samples();
         let scale = 1.0 / samples.max(1) as f64;
@@ -111,21 +112,24 @@ impl ImageLayers {
         let width = tile.width as usize;
         let (from, to) = (in_tile..in_tile + width, in_rows..in_rows + width);
 
-        write_means(&mut self.mean[to.clone()], &sum.layers.beauty[from.clone()], scale);
-        if let Some(counts) = &mut self.samples {
+        add_means(&mut self.mean[to.clone()], &sum.layers.beauty[from.clone()], scale);
+        if let Some(counts) = self.samples.as_mut().filter(|_| tile.plane == Plane::Camera) {
             counts[to.clone()].fill(u32::try_from(samples).unwrap_or(u32::MAX));
         }
         if let (Some(errors), Some(moment), 2..) = (&mut self.standard_error, &sum.layers.moment, sum.blocks()) {
             for (error, moment) in errors[to.clone()].iter_mut().zip(&moment[from.clone()]) {
-                *error = moment.map(|moment| (f64::from(moment) * error_scale).sqrt() as f32);
+                for (error, moment) in error.iter_mut().zip(moment) {
+                    let own = f64::from((f64::from(*moment) * error_scale).sqrt() as f32);
+                    *error = if *error == 0.0 { own as f32 } else { libm::hypot(f64::from(*error), own) as f32 };
+                }
             }
         }
         if let Some(first_hit) = &sum.layers.first_hit {
             if let Some(albedo) = &mut self.albedo {
-                write_means(&mut albedo[to.clone()], &first_hit.albedo[from.clone()], first_hit_scale);
+                add_means(&mut albedo[to.clone()], &first_hit.albedo[from.clone()], first_hit_scale);
             }
             if let Some(normal) = &mut self.normal {
-                write_means(&mut normal[to.clone()], &first_hit.normal[from.clone()], first_hit_scale);
+                add_means(&mut normal[to.clone()], &first_hit.normal[from.clone()], first_hit_scale);
             }
             if let Some(depth) = &mut self.depth {
                 for (depth, sum) in depth[to].iter_mut().zip(&first_hit.depth[from]) {
@@ -136,8 +140,9 @@ impl ImageLayers {
     }
 }
 
-fn write_means(means: &mut [[f32; 3]], sums: &[[f32; 3]], scale: f64) {
-    for (mean, sum) in means.iter_mut().zip(sums) {
-        *mean = sum.map(|sum| (f64::from(sum) * scale) as f32);
+/// Adds means that are rounded first, so that their order does not matter.
+fn add_means(means: &mut [[f32; 3]], sums: &[[f32; 3]], scale: f64) {
+    for (mean, sum) in means.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
+        *mean = (*mean + (f64::from(*sum) * scale) as f32).clamp(f32::MIN, f32::MAX);
     }
 }

@@ -17,6 +17,9 @@ use sobol_burley::{NUM_DIMENSIONS, sample_4d};
 /// The longest run of samples that the Sobol sequence covers.
 const SOBOL_SAMPLES: u32 = 1 << 16;
 
+/// Tells the keys of the light plane from those of pixels.
+const LIGHT_PLANE: u32 = 1;
+
 /// What seeds the random numbers of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplerSettings {
@@ -67,6 +70,25 @@ impl SampleStream {
             pixel_key,
             sample,
             sobol_index: index_in_block % SOBOL_SAMPLES,
+            sobol_seed,
+            dimension: 0,
+            sobol_values: [0.0; 4],
+            sobol_set: None,
+        }
+    }
+
+    /// The numbers of a light subpath, the `number`-th of a pass of the light plane of `frame`. A pass is a sequence of
+    /// its own, so that passes are independent.
+    #[inline]
+    pub fn of_light(seed: u64, frame: u32, pass: u32, number: u32) -> Self {
+        let [key_low, key_high, ..] = philox([seed as u32, (seed >> 32) as u32], [pass, 0, frame, LIGHT_PLANE]);
+        let pixel_key = [key_low, key_high];
+        let [sobol_seed, ..] = philox(pixel_key, counter(number / SOBOL_SAMPLES, 0, 0, Purpose::Scramble));
+        let sobol_index = number % SOBOL_SAMPLES;
+        Self {
+            pixel_key,
+            sample: number,
+            sobol_index,
             sobol_seed,
             dimension: 0,
             sobol_values: [0.0; 4],
@@ -221,6 +243,19 @@ mod tests {
         // Not as even as a Sobol point in two dimensions, and not on a line: Pearson's statistic of 64 cells.
         let pearson: f64 = joint.iter().map(|count| (f64::from(*count) - 4.0).powi(2) / 4.0).sum();
         assert!((10.0..140.0).contains(&pearson), "{pearson}");
+    }
+
+    #[test]
+    fn light_subpaths_of_a_pass_are_even_and_those_of_passes_independent() {
+        let numbers = |pass| (0..1 << 16).map(move |number| SampleStream::of_light(7, 0, pass, number).next_2d());
+        for (cells, edge) in [(256, 16.0), (4096, 64.0)] {
+            let cell = |point: DVec2| ((point.x * edge).floor() * edge + (point.y * edge).floor()) / f64::from(cells);
+            assert_eq!(chi_square(numbers(3).map(cell), cells as usize), 0.0);
+        }
+        let pairs = numbers(0).zip(numbers(1)).map(|(a, b)| ((a.x * 16.0).floor() + b.x) / 16.0);
+        assert!(chi_square(pairs, 256) < chi_square_limit(256));
+        let long = SampleStream::of_light(7, 0, 0, u32::MAX).next_1d();
+        assert!((0.0..1.0).contains(&long));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::address::NodeAddress;
+use super::address::{NodeAddress, Plane};
 
 /// Samples of a pixel in a pass, and in a block of samples that share one scramble.
 ///
@@ -110,9 +110,10 @@ impl Sampling {
         address.level >= self.block_level()
     }
 
-    /// Whether the node at `address` has passes of the frame's first block, and so first-hit layers.
-    pub fn has_first_hit(&self, address: NodeAddress) -> bool {
-        self.is_in_first_block(address.passes().first)
+    /// Whether the node at `address` has passes of the frame's first block, and so first-hit layers, which only the
+    /// camera plane has.
+    pub fn has_first_hit(&self, address: NodeAddress, plane: Plane) -> bool {
+        plane == Plane::Camera && self.is_in_first_block(address.passes().first)
     }
 
     /// Samples of the frame's first block among the first `passes` passes.

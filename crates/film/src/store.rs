@@ -5,7 +5,7 @@
 //! | bytes | what |
 //! | --- | --- |
 //! | 8 | `CLRSNODE` |
-//! | 4 | version of the form, 1 |
+//! | 4 | 1 for a node of the camera plane, 2 for one of the light plane |
 //! | 4 x 4 | frame, tile, level, index |
 //! | 4 x 4 | tile: left, top, width, height in pixels |
 //! | 2 x 4 | samples in a pass, samples in a block |
@@ -17,12 +17,11 @@
 
 use thiserror::Error;
 
-use super::address::{NodeAddress, Tile};
+use super::address::{NodeAddress, Plane, Tile};
 use super::node::{FirstHitLayers, Node, NodeError, NodeLayers};
 use super::sampling::{Sampling, SamplingError};
 
 const MAGIC: &[u8; 8] = b"CLRSNODE";
-const FORMAT_VERSION: u32 = 1;
 const HEADER_BYTES: usize = 52;
 const HASH_BYTES: usize = blake3::OUT_LEN;
 
@@ -33,7 +32,7 @@ pub enum StoreError {
     #[error("not a stored node: it does not begin with CLRSNODE")]
     NotANode,
     /// They are of another version.
-    #[error("the stored node has version {found}; this build reads version {FORMAT_VERSION}")]
+    #[error("the stored node has version {found}; this build reads versions 1 and 2")]
     WrongVersion {
         /// Their version.
         found: u32,
@@ -64,8 +63,12 @@ pub fn encode(node: &Node) -> Vec<u8> {
     let sampling = node.sampling();
     let mut bytes = Vec::with_capacity(HEADER_BYTES + node.bytes() + HASH_BYTES);
     bytes.extend_from_slice(MAGIC);
+    let version: u32 = match tile.plane {
+        Plane::Camera => 1,
+        Plane::Light => 2,
+    };
     for number in [
-        FORMAT_VERSION,
+        version,
         frame,
         tile_index,
         level,
@@ -117,19 +120,20 @@ pub fn decode(bytes: &[u8]) -> Result<Node, StoreError> {
     let mut numbers = words.iter().map(|word| u32::from_le_bytes(*word));
     let mut next = || numbers.next().unwrap_or_default();
 
-    let version = next();
-    if version != FORMAT_VERSION {
-        return Err(StoreError::WrongVersion { found: version });
-    }
+    let plane = match next() {
+        1 => Plane::Camera,
+        2 => Plane::Light,
+        found => return Err(StoreError::WrongVersion { found }),
+    };
     let address = NodeAddress { frame: next(), tile: next(), level: next(), index: next() };
-    let tile = Tile { x: next(), y: next(), width: next(), height: next() };
+    let tile = Tile { x: next(), y: next(), width: next(), height: next(), plane };
     let sampling = Sampling::new(next(), next())?;
     if !address.exists() {
         return Err(NodeError::NoSuchNode { level: address.level, index: address.index }.into());
     }
 
     let moment_values = if sampling.has_moment(address) { 3 } else { 0 };
-    let first_hit_values = if sampling.has_first_hit(address) { 7 } else { 0 };
+    let first_hit_values = if sampling.has_first_hit(address, plane) { 7 } else { 0 };
     let pixels = u64::from(tile.width) * u64::from(tile.height);
     let value_bytes = pixels.saturating_mul(4 * (3 + moment_values + first_hit_values));
     let expected = value_bytes.saturating_add((HEADER_BYTES + HASH_BYTES) as u64);
@@ -187,7 +191,7 @@ mod tests {
     use super::*;
     use crate::test_nodes::{bits, noise_node, odd_node};
 
-    const TILE: Tile = Tile { x: 16, y: 32, width: 5, height: 3 };
+    const TILE: Tile = Tile::new([16, 32], [5, 3]);
 
     fn node(level: u32, index: u32) -> Node {
         let address = NodeAddress { frame: 2, tile: 9, level, index };
@@ -227,10 +231,10 @@ mod tests {
     #[test]
     fn another_version_is_refused_by_name() {
         let mut stored = encode(&node(0, 0));
-        stored[8] = 2;
+        stored[8] = 3;
         assert_eq!(
             decode(&stored).unwrap_err().to_string(),
-            "the stored node has version 2; this build reads version 1"
+            "the stored node has version 3; this build reads versions 1 and 2"
         );
     }
 

@@ -29,7 +29,7 @@ pub(super) fn noise_pass(address: NodeAddress, tile: Tile, sampling: Sampling) -
         normal.push(triple() - 0.5);
         depth.push(triple().x * 100.0);
     }
-    let first_hit = sampling.is_in_first_block(pass).then_some(FirstHitSums { albedo, normal, depth });
+    let first_hit = sampling.has_first_hit(address, tile.plane).then_some(FirstHitSums { albedo, normal, depth });
     Node::leaf(address, tile, sampling, &PassSums { beauty, first_hit }).unwrap()
 }
 
@@ -46,7 +46,7 @@ pub(super) fn noise_node(address: NodeAddress, tile: Tile, sampling: Sampling) -
 
 /// A node with all layers, whose values are subnormal, negative zero, and the largest and smallest floats.
 pub(super) fn odd_node() -> Node {
-    let tile = Tile { x: 8, y: 4, width: 4, height: 2 };
+    let tile = Tile::new([8, 4], [4, 2]);
     let odd = [1e-45, -0.0, f32::MIN, f32::MAX, f32::MIN_POSITIVE, -1e-40, 0.0, f32::EPSILON];
     let triples = |shift: usize| (0..8).map(|i| [0, 1, 2].map(|j| odd[(i * 3 + j + shift) % 8])).collect::<Vec<_>>();
     let layers = NodeLayers {

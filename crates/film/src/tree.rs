@@ -271,6 +271,21 @@ impl TileSum {
         self.sampling.complete_blocks(self.passes)
     }
 
+    /// The sums of a rectangle within it, without first-hit layers.
+    #[must_use]
+    pub fn cropped(&self, tile_index: u32, tile: Tile) -> Self {
+        let crop = |layer: &[[f32; 3]]| {
+            let lines = (tile.y.saturating_sub(self.tile.y)..).take(tile.height as usize).map(|line| {
+                let first = line as usize * self.tile.width as usize + tile.x.saturating_sub(self.tile.x) as usize;
+                layer.get(first..first + tile.width as usize).unwrap_or_default()
+            });
+            lines.collect::<Vec<_>>().concat()
+        };
+        let moment = self.layers.moment.as_deref().map(crop);
+        let layers = NodeLayers { beauty: crop(&self.layers.beauty), moment, first_hit: None };
+        Self { tile_index, tile, layers, ..*self }
+    }
+
     /// Adds the next of the largest aligned nodes, which is smaller than all before it.
     fn add(&mut self, node: &Node) {
         let blocks = BlockCounts { left: self.blocks(), right: self.sampling.complete_blocks(node.passes().count) };
@@ -302,7 +317,7 @@ mod tests {
         NodeAddress { frame: 0, tile: 0, level, index }
     }
 
-    const TILE: Tile = Tile { x: 3, y: 2, width: 4, height: 2 };
+    const TILE: Tile = Tile::new([3, 2], [4, 2]);
 
     fn film_tile() -> FilmTile {
         FilmTile::new(0, 0, TILE, sampling())
@@ -494,7 +509,7 @@ mod tests {
     #[test]
     fn the_size_of_tiles_does_not_change_a_pixel() {
         let pixels = |tile_size: u32| {
-            let grid = TileGrid { width: 70, height: 20, tile_size };
+            let grid = TileGrid::new(70, 20, tile_size);
             let mut image = vec![None; 70 * 20];
             for index in 0..grid.len() {
                 let tile = grid.tile(index).unwrap();

@@ -8,7 +8,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use clerestory_film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_pixels};
+use clerestory_film::{Exposure, PreviewSettings, ToneCurve, encode_pixels};
 use clerestory_local_render::{Control, LocalFilm, PassPlan, Provenance, image};
 use clerestory_render_core::document::{SceneBundle, SceneDescription, asset_names};
 use clerestory_render_core::integrator::PreparedScene;
@@ -90,7 +90,7 @@ impl<'a> Plate<'a> {
             assets.insert(name.to_owned(), Asset::new(std::fs::read(folder.join(name))?));
         }
         let scene = PreparedScene::build(&SceneBundle::from_parts(description, assets)?)?;
-        let grid = TileGrid { width: self.size[0], height: self.size[1], tile_size: TILE };
+        let grid = scene.description().grid(TILE);
         let samples = self.settings["samples"].as_u64().unwrap_or(64) as u32;
         let tile_passes = vec![samples.div_ceil(PASS); grid.len() as usize];
         let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes, adaptation: None };

@@ -15,13 +15,14 @@ pub struct PassPlan {
 }
 
 impl PassPlan {
-    /// The most camera samples that the render takes.
+    /// The most samples that the render takes, of all planes.
     pub fn samples(&self) -> u64 {
         let pilot_passes = self.adaptation.map_or(0, |adaptation| adaptation.pilot_passes());
-        self.samples_of(&self.tile_passes).saturating_add(self.samples_of(&vec![pilot_passes; self.tile_passes.len()]))
+        let in_pilot = vec![pilot_passes; self.grid.camera_tiles() as usize];
+        self.samples_of(&self.tile_passes).saturating_add(self.samples_of(&in_pilot))
     }
 
-    /// Camera samples of some passes of each tile.
+    /// Samples of some passes of each tile.
     pub(crate) fn samples_of(&self, tile_passes: &[u32]) -> u64 {
         let tiles = (0..).map_while(|index| self.grid.tile(index)).zip(tile_passes);
         let passes: u64 = tiles.map(|(tile, passes)| tile.pixels() as u64 * u64::from(*passes)).sum();

@@ -107,7 +107,8 @@ fn render_pilot(
         }
         Ok(Some((noise(&nodes), counters)))
     };
-    let tiles: Vec<Option<_>> = (0..plan.grid.len()).into_par_iter().map(noise_of).collect::<Result<_, _>>()?;
+    let tiles: Vec<Option<_>> =
+        (0..plan.grid.camera_tiles()).into_par_iter().map(noise_of).collect::<Result<_, _>>()?;
     tiles.iter().flatten().for_each(|(_, tile)| *counters += *tile);
     let noise: Option<Vec<f64>> = tiles.into_iter().map(|tile| tile.map(|(noise, _)| noise)).collect();
     Ok(noise.map(|noise| shares(&plan.grid, &noise)))
@@ -142,7 +143,7 @@ mod tests {
 
     /// Mean radiance of the image, with passes shared out or not, and passes of the tiles.
     fn light(scene: &PreparedScene, is_adaptive: bool) -> (f64, Vec<u32>) {
-        let grid = TileGrid { width: 16, height: 16, tile_size: 4 };
+        let grid = TileGrid::new(16, 16, 4);
         let adaptation = is_adaptive.then(|| Targets::default().adaptation(scene.sampling(), PASSES).unwrap());
         let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![PASSES; 16], adaptation };
         let control = Control::default();

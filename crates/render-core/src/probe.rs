@@ -11,7 +11,7 @@ use crate::document::{SceneBundle, SceneDescription};
 use crate::integrator::{PreparedScene, RenderError, render_node};
 use crate::scene::SceneError;
 use crate::specular::registry::IntegratorDescription;
-use clerestory_film::{NodeAddress, TileGrid, store};
+use clerestory_film::{NodeAddress, store};
 
 /// The scene, without an integrator.
 const SCENE: &str = include_str!("probe.json");
@@ -127,14 +127,18 @@ fn rendered(case: &str) -> Result<Vec<u8>, ProbeError> {
     image(scene)
 }
 
-/// The bytes of the first node of a scene.
+/// The bytes of the first node of each plane of a scene.
 fn image(scene: serde_json::Value) -> Result<Vec<u8>, ProbeError> {
     let bundle = SceneBundle::from_parts(SceneDescription::parse(scene.to_string().as_bytes())?, BTreeMap::new())?;
     let film = bundle.description().film;
-    let grid = TileGrid { width: film.width, height: film.height, tile_size: film.width.max(film.height) };
-    let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
-    let rendered = render_node(&PreparedScene::build(&bundle)?, &grid, address, &AtomicBool::new(false))?;
-    Ok(store::encode(&rendered.node))
+    let grid = bundle.description().grid(film.width.max(film.height));
+    let scene = PreparedScene::build(&bundle)?;
+    let mut bytes = Vec::new();
+    for tile in 0..grid.len() {
+        let address = NodeAddress { frame: 0, tile, level: 0, index: 0 };
+        bytes.extend(store::encode(&render_node(&scene, &grid, address, &AtomicBool::new(false))?.node));
+    }
+    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -83,7 +83,7 @@ impl Noise {
         let layers = NodeLayers {
             beauty: self.beauty.clone(),
             moment: self.sampling.has_moment(address).then(|| self.moment.clone()),
-            first_hit: self.sampling.has_first_hit(address).then(|| self.first_hit.clone()),
+            first_hit: self.sampling.has_first_hit(address, place.plane).then(|| self.first_hit.clone()),
         };
         let node = Node::from_layers(address, place, self.sampling, layers)?;
         let samples = node.samples() * place.pixels() as u64;
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn a_coordinator_accepts_the_partials_with_all_their_layers() {
-        let grid = TileGrid { width: 64, height: 32, tile_size: 16 };
+        let grid = TileGrid::new(64, 32, 16);
         let sampling = Sampling::new(16, 256).unwrap();
         // A pass with first-hit layers, one past the first block, and a whole block.
         let addresses = [(0, 0, 3), (7, 0, 40), (2, 4, 0)];
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_tile_that_the_image_does_not_have_is_named() {
-        let noise = Noise::new(TileGrid { width: 32, height: 16, tile_size: 16 }, Sampling::new(16, 256).unwrap());
+        let noise = Noise::new(TileGrid::new(32, 16, 16), Sampling::new(16, 256).unwrap());
         let address = clerestory_api::NodeAddress { frame: 0, tile: 2, level: 0, index: 0 };
         assert_eq!(
             noise.node(&address).unwrap_err().to_string(),

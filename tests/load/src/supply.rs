@@ -44,13 +44,13 @@ pub(crate) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
     let most = (MOST_PIXELS / (u64::from(tile_size) * u64::from(tile_size))).clamp(1, TILES[1]);
     let tiles = (leased_nodes / u64::from(PASSES)).next_power_of_two().clamp(TILES[0].min(most), most);
     let doublings = tiles.ilog2();
-    TileGrid { width: tile_size << doublings.div_ceil(2), height: tile_size << (doublings / 2), tile_size }
+    TileGrid::new(tile_size << doublings.div_ceil(2), tile_size << (doublings / 2), tile_size)
 }
 
 /// The image of a job with previews: 1920 x 1080 pixels, or the next whole tiles.
 pub(crate) fn watched_grid(tile_size: u32) -> TileGrid {
     let [width, height] = WATCHED_SIZE.map(|length| length.next_multiple_of(tile_size));
-    TileGrid { width, height, tile_size }
+    TileGrid::new(width, height, tile_size)
 }
 
 /// How the samples of every job are grouped.

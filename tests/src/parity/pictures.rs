@@ -26,7 +26,7 @@ impl Pictures {
         let sampling = scene.sampling();
         assert_eq!(sampling.samples_per_pass(), sampling.samples_per_block(), "passes are independent");
         let film = scene.description().film;
-        let grid = TileGrid { width: film.width, height: film.height, tile_size: film.width.max(film.height) };
+        let grid = TileGrid::new(film.width, film.height, film.width.max(film.height));
         let scale = 1.0 / sampling.samples_per_pass() as f32;
         let picture = |index| {
             let address = NodeAddress { frame: 0, tile: 0, level: 0, index };

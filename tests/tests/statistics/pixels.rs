@@ -182,7 +182,7 @@ fn prepared(
 /// The digest of a picture of a frame of a scene, made as `clerestory render` makes it.
 fn rendered(scene: &PreparedScene, frame: u32, passes: u32) -> PixelDigest {
     let FilmDescription { width, height } = scene.description().film;
-    let grid = TileGrid { width, height, tile_size: width.max(height) };
+    let grid = TileGrid::new(width, height, width.max(height));
     let mut film = FilmTile::new(frame, 0, grid.tile(0).expect("a tile"), scene.sampling());
     for index in 0..passes {
         let address = NodeAddress { frame, tile: 0, level: 0, index };

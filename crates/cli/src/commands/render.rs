@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use clerestory_film::{ImageMetadata, LARGEST_TILE, TileGrid, encode_png, mean_squared_standard_error, smallest_tile};
+use clerestory_film::{ImageMetadata, LARGEST_TILE, encode_png, mean_squared_standard_error, smallest_tile};
 use clerestory_local_render::{PassPlan, Spent};
 
 use crate::activity::Activity;
@@ -135,17 +135,16 @@ fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
         None => (arguments.overrides.load(file, arguments.sampling)?, None),
         Some(image) => {
             let LoadedScene { bundle, assumptions } = arguments.overrides.read(file)?;
-            let Recipe { bundle, tile_size, tile_passes } = like::recipe(bundle, file, image)?;
-            (LoadedScene { bundle, assumptions }, Some((tile_size, tile_passes)))
+            let Recipe { bundle, grid, tile_passes } = like::recipe(bundle, file, image)?;
+            (LoadedScene { bundle, assumptions }, Some((grid, tile_passes)))
         }
     };
     let scene = activity.build(&bundle).map_err(failure)?;
     activity.done("The scene is ready");
     let film = bundle.description().film;
     let sampling = scene.sampling();
-    let grid = |tile_size| TileGrid { width: film.width, height: film.height, tile_size };
     let plan = match tiles {
-        Some((tile_size, tile_passes)) => PassPlan { grid: grid(tile_size), sampling, tile_passes, adaptation: None },
+        Some((grid, tile_passes)) => PassPlan { grid, sampling, tile_passes, adaptation: None },
         None => {
             let smallest = smallest_tile(film.width, film.height);
             if arguments.tile < smallest {
@@ -155,7 +154,7 @@ fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
                     arguments.tile, film.width, film.height
                 )));
             }
-            let grid = grid(arguments.tile);
+            let grid = bundle.description().grid(arguments.tile);
             let passes = arguments.limits.samples_per_pixel().div_ceil(sampling.samples_per_pass());
             let adaptation = arguments.limits.adaptation(sampling, passes)?;
             PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation }

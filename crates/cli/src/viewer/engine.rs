@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
-use clerestory_film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png, smallest_tile};
+use clerestory_film::{Exposure, PreviewSettings, ToneCurve, encode_png, smallest_tile};
 use clerestory_local_render::{self as local_render, Control, LocalFilm, PassPlan, Provenance};
 use clerestory_render_core::document::{SamplingDescription, SceneBundle, SceneDescription};
 use clerestory_render_core::integrator::PreparedScene;
@@ -216,7 +216,7 @@ impl Engine {
         let description = SceneDescription { film, sampling: SAMPLING, ..bundle.description().clone() };
         let scene = scene.changed(&bundle.clone().with_description(description).map_err(failure)?).map_err(failure)?;
         let tile_size = TILE.max(smallest_tile(film.width, film.height));
-        let grid = TileGrid { width: film.width, height: film.height, tile_size };
+        let grid = scene.description().grid(tile_size);
         let plan = PassPlan {
             grid,
             sampling: scene.sampling(),

@@ -94,6 +94,11 @@ impl Frame<'_> {
         if most == 0 {
             return Err(FilmError::Empty);
         }
+        if let Some(light) = self.job.grid.light_tile() {
+            let wanted = self.extent.passes(self.frame, light);
+            let complete = self.reader.store.complete_passes(self.job.id, self.frame, light..light + 1).await?;
+            most = most.min(wanted.or_else(|| complete.first().copied()).unwrap_or(0));
+        }
         Ok(self.job.sampling()?.complete_blocks(most) >= 2)
     }
 
@@ -113,7 +118,8 @@ impl Frame<'_> {
         let mut image = ImageRows::new(grid, rows.clone(), choice);
         let first_tile = rows.start / grid.tile_size * grid.columns();
         let end_tile = rows.end.div_ceil(grid.tile_size) * grid.columns();
-        for Range { start: mut next, end } in runs(first_tile..end_tile) {
+        let of_light = grid.light_tile().into_iter().flat_map(|light| runs(light..light + 1));
+        for Range { start: mut next, end } in runs(first_tile..end_tile).chain(of_light) {
             while next < end {
                 let nodes = self.reader.store.nodes(self.job.id, self.frame, next..end, self.end_pass()).await?;
                 self.check_present(&nodes, next..end)?;
@@ -278,7 +284,7 @@ mod tests {
     use super::*;
 
     fn heights(width: u32, height: u32, tile_size: u32, most_bytes: u64) -> Vec<u32> {
-        let strips: Vec<_> = strips(TileGrid { width, height, tile_size }, 56, most_bytes).collect();
+        let strips: Vec<_> = strips(TileGrid::new(width, height, tile_size), 56, most_bytes).collect();
         assert_eq!((strips[0].start, strips.last().unwrap().end), (0, height));
         assert!(strips.windows(2).all(|pair| pair[0].end == pair[1].start && pair[0].end % 16 == 0));
         strips.iter().map(ExactSizeIterator::len).map(|rows| rows as u32).collect()

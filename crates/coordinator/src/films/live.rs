@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use clerestory_api::{ContentHash, JobId, LiveMeasurement};
 use clerestory_film::{
-    DecodeBudget, ImageLayers, ImageRows, LayerChoice, ROWS_PER_BLOCK, Tile, TileGrid, picture_rows,
+    DecodeBudget, ImageLayers, ImageRows, LayerChoice, Plane, ROWS_PER_BLOCK, Tile, TileGrid, TileSum, picture_rows,
 };
 use tokio::sync::{Mutex as AsyncMutex, SemaphorePermit};
 
@@ -83,10 +83,12 @@ struct Live {
     fresh_until_ms: Option<i64>,
 }
 
-/// The measurement of a tile when it had these passes.
+/// The measurement of a tile of the camera plane when it had these passes.
 #[derive(Clone, Copy, Debug, Default)]
 struct MeasuredTile {
     passes: u32,
+    /// Those of the light plane at the same time.
+    light_passes: u32,
     /// Sum of the squared differences from the reference.
     squares: f64,
     /// Sum of the squared standard errors, where they are known.
@@ -153,10 +155,11 @@ impl LiveErrors {
             Some(hash) => Some(ReferenceRows::new(self, job.grid, hash).await),
             None => None,
         };
-        let (first, end) = (live.next_tile, job.grid.len());
+        let light = self.light(job).await?;
+        let (first, end) = (live.next_tile, job.grid.camera_tiles());
         for tiles in runs(first..end).chain(runs(0..first)) {
             let is_complete = loop {
-                match self.measure_run(job, live, tiles.clone(), &mut reference, begin_ms).await {
+                match self.measure_run(job, live, tiles.clone(), light.as_ref(), &mut reference, begin_ms).await {
                     Ok(is_complete) => break is_complete,
                     Err(failure) => self.reader.unless_merged(job.id, failure).await?,
                 }
@@ -171,22 +174,43 @@ impl LiveErrors {
         Ok(true)
     }
 
+    /// The light plane, if there is one with passes.
+    async fn light(&self, job: &JobRecord) -> Result<Option<Arc<TileSum>>, FilmError> {
+        let Some(tile) = job.grid.light_tile() else { return Ok(None) };
+        loop {
+            let rows = self.reader.store.nodes(job.id, 0, tile..tile + 1, job.passes).await?;
+            if rows.is_empty() {
+                return Ok(None);
+            }
+            match load(&self.reader, vec![&rows]).await {
+                Ok(loaded) => {
+                    let job = job.clone();
+                    let sum = move || loaded.first().map_or(Ok(None), |tile| tile.sum(&job, None));
+                    return Ok(tokio::task::spawn_blocking(sum).await??.map(Arc::new));
+                }
+                Err(failure) => self.reader.unless_merged(job.id, failure).await?,
+            }
+        }
+    }
+
     /// Measures the tiles of one run that have changed. `false` when the time was too short for all.
     async fn measure_run(
         &self,
         job: &JobRecord,
         live: &mut Live,
         tiles: Range<u32>,
+        light: Option<&Arc<TileSum>>,
         reference: &mut Option<ReferenceRows<'_>>,
         begin_ms: i64,
     ) -> Result<bool, FilmError> {
         let complete = self.reader.store.complete_passes(job.id, 0, tiles.clone()).await?;
+        let light_passes = light.map_or(0, |light| light.passes);
         let mut changed = Vec::new();
         for (tile, passes) in tiles.zip(complete) {
             let measured = &mut live.tiles[tile as usize];
             if passes == 0 {
                 *measured = MeasuredTile::default();
-            } else if measured.passes != passes {
+            } else if (measured.passes, measured.light_passes) != (passes, light_passes) {
                 changed.push(tile);
             }
         }
@@ -195,9 +219,9 @@ impl LiveErrors {
         let of_tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
         let of_changed = of_tiles.filter(|rows| is_of(rows, &changed)).collect();
         for batch in batches(of_changed) {
-            for (tile, measured) in measure(job, load(&self.reader, batch).await?, reference).await? {
+            for (tile, measured) in measure(job, load(&self.reader, batch).await?, light, reference).await? {
                 live.tiles[tile as usize] = measured;
-                live.next_tile = (tile + 1) % job.grid.len();
+                live.next_tile = (tile + 1) % job.grid.camera_tiles();
             }
             if self.clock.now_ms() - begin_ms >= UPDATE_MS {
                 return Ok(false);
@@ -215,7 +239,7 @@ impl LiveErrors {
             entry.used = used;
             return Arc::clone(&entry.live);
         }
-        let tiles = u64::from(job.grid.len());
+        let tiles = u64::from(job.grid.camera_tiles());
         while cache.jobs.values().map(|entry| entry.tiles).sum::<u64>() + tiles > MOST_TILES {
             let idle = cache.jobs.iter().filter(|(_, entry)| Arc::strong_count(&entry.live) == 1);
             let oldest = idle.min_by_key(|(_, entry)| entry.used).map(|(job, _)| *job);
@@ -232,7 +256,7 @@ impl LiveErrors {
 impl Live {
     fn of_nothing(job: &JobRecord) -> Self {
         Self {
-            tiles: vec![MeasuredTile::default(); job.grid.len() as usize],
+            tiles: vec![MeasuredTile::default(); job.grid.camera_tiles() as usize],
             next_tile: 0,
             is_complete: false,
             accepted_nodes: 0,
@@ -273,11 +297,12 @@ fn is_of(rows: &[NodeRow], tiles: &[u32]) -> bool {
 async fn measure(
     job: &JobRecord,
     tiles: Vec<LoadedTile>,
+    light: Option<&Arc<TileSum>>,
     reference: &mut Option<ReferenceRows<'_>>,
 ) -> Result<Vec<(u32, MeasuredTile)>, FilmError> {
-    let record = job.clone();
+    let (record, light) = (job.clone(), light.cloned());
     let shown = tokio::task::spawn_blocking(move || {
-        tiles.iter().map(|tile| ShownTile::new(tile, &record)).collect::<Result<Vec<_>, FilmError>>()
+        tiles.iter().map(|tile| ShownTile::new(tile, &record, light.as_deref())).collect::<Result<Vec<_>, FilmError>>()
     });
     let mut shown = shown.await??;
     if let Some(reference) = reference {
@@ -296,21 +321,30 @@ struct ShownTile {
 }
 
 impl ShownTile {
-    fn new(tile: &LoadedTile, job: &JobRecord) -> Result<Self, FilmError> {
+    fn new(tile: &LoadedTile, job: &JobRecord, light: Option<&TileSum>) -> Result<Self, FilmError> {
         let index = tile.index;
         let Some(mut sum) = tile.sum(job, None)? else {
             return Ok(Self { index, measured: MeasuredTile::default(), image: None });
         };
         // As an image of its own, so that its pixels are rounded as those of the frame are.
         let place = sum.tile;
-        let grid = TileGrid { width: place.width, height: place.height, tile_size: place.width.max(place.height) };
+        let grid = TileGrid::new(place.width, place.height, place.width.max(place.height));
+        let grid = grid.with_light_plane(light.is_some());
         (sum.tile_index, sum.tile) = (0, Tile { x: 0, y: 0, ..place });
-        let mut image = ImageRows::new(grid, 0..grid.height, LayerChoice::measured(sum.blocks() >= 2));
+        // An estimate of the error needs both planes.
+        let blocks = light.map_or(sum.blocks(), |light| light.blocks().min(sum.blocks()));
+        let mut image = ImageRows::new(grid, 0..grid.height, LayerChoice::measured(blocks >= 2));
         image.fill(&sum)?;
+        if let (Some(light), Some(index)) = (light, grid.light_tile()) {
+            let mut here = light.cropped(index, place);
+            here.tile = Tile { x: 0, y: 0, plane: Plane::Light, ..place };
+            image.fill(&here)?;
+        }
         let errors = image.layers().standard_error.as_ref();
         let square = |error: &f32| f64::from(*error) * f64::from(*error);
         let noise = errors.map(|errors| errors.as_flattened().iter().map(square).sum());
-        let measured = MeasuredTile { passes: sum.passes, squares: 0.0, noise };
+        let light_passes = light.map_or(0, |light| light.passes);
+        let measured = MeasuredTile { passes: sum.passes, light_passes, squares: 0.0, noise };
         Ok(Self { index, measured, image: Some((place, image)) })
     }
 
@@ -357,7 +391,7 @@ impl<'a> ReferenceRows<'a> {
 
     /// Compares tiles, in their order, with their pixels of the reference.
     async fn compare(&mut self, mut tiles: Vec<ShownTile>) -> Result<Vec<ShownTile>, FilmError> {
-        let TileGrid { width, height, tile_size } = self.grid;
+        let TileGrid { width, height, tile_size, .. } = self.grid;
         let mut tile_rows: Vec<u32> = tiles.iter().map(|tile| tile.index / self.grid.columns()).collect();
         tile_rows.dedup();
         for tile_row in tile_rows {

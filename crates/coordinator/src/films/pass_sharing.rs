@@ -42,7 +42,7 @@ impl PassSharing {
         for frame in 0..job.frames {
             let mut noises = Vec::new();
             // In runs: neither all tiles nor all their rows need fit into memory.
-            for tiles in runs(0..job.grid.len()) {
+            for tiles in runs(0..job.grid.camera_tiles()) {
                 let rows = self.reader.store.pilot(job.id, frame, tiles).await?;
                 let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
                 let reads: Vec<_> = tiles.map(|rows| self.noise_of(rows)).collect();

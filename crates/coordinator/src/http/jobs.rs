@@ -6,6 +6,7 @@ use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, LiveMeasurement};
+use clerestory_film::TileGrid;
 
 use super::extract::{JsonBody, MAX_SMALL_BODY, PathParameter, announced_bytes};
 use super::problem::ApiError;
@@ -89,8 +90,9 @@ pub(super) async fn scene(
     let record = jobs.find(job).await?;
     let (scene, assets) = store.job_scene(job).await?.ok_or(JobError::Unknown(job))?;
     let scene = serde_json::from_str(&scene).map_err(ApiError::internal)?;
-    let (tile_size, passes) = (record.grid.tile_size, record.passes);
-    Ok(Json(JobScene { job, scene, scene_hash: record.scene_hash, assets, tile_size, passes }))
+    let TileGrid { tile_size, has_light_plane: light_plane, .. } = record.grid;
+    let (scene_hash, passes) = (record.scene_hash, record.passes);
+    Ok(Json(JobScene { job, scene, scene_hash, assets, tile_size, light_plane, passes }))
 }
 
 /// The convergence of a job.

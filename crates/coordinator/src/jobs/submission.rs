@@ -258,7 +258,7 @@ fn grid(submission: &JobSubmission, description: &SceneDescription) -> Result<Ti
         let expected = format!("at least {smallest} pixels for an image of {width} x {height}");
         return Err(SubmissionError::invalid_field("tile_size", submission.tile_size, expected));
     }
-    Ok(TileGrid { width, height, tile_size: submission.tile_size })
+    Ok(description.grid(submission.tile_size))
 }
 
 /// The assets that the scene names, each of which must be given, and no other.

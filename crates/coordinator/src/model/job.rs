@@ -123,7 +123,7 @@ pub(crate) struct JobRecord {
     pub(crate) targets: Targets,
     /// Whether its passes are shared out among the tiles by their noise.
     pub(crate) adaptive: bool,
-    /// Camera samples in its images, once passes have been shared out.
+    /// Samples in its images, once passes have been shared out.
     pub(crate) shared_samples: Option<u64>,
     /// When it was submitted.
     pub(crate) created_ms: i64,
@@ -143,7 +143,7 @@ pub(crate) struct JobRecord {
     pub(crate) accepted_nodes: u64,
     /// Accepted nodes that were removed from the film, to be rendered again.
     pub(crate) redone_nodes: u64,
-    /// Camera samples accepted.
+    /// Samples accepted.
     pub(crate) samples: u64,
     /// Time spent on them and on nodes that were rendered again, summed over cores.
     pub(crate) core_ms: i64,
@@ -181,22 +181,28 @@ impl JobRecord {
         adaptation.into_iter().flat_map(|adaptation| adaptation.pilot())
     }
 
-    /// Camera samples in a pass over all tiles of all frames.
+    /// Samples in a pass over all tiles of all frames.
     pub(crate) fn pass_samples(&self) -> u64 {
+        let planes = 1 + u64::from(self.grid.has_light_plane);
+        planes * self.camera_pass_samples()
+    }
+
+    /// The same of the camera plane alone.
+    fn camera_pass_samples(&self) -> u64 {
         u64::from(self.grid.width)
             * u64::from(self.grid.height)
             * u64::from(self.frames)
             * u64::from(self.samples_per_pass)
     }
 
-    /// Camera samples in the whole job. Before passes are shared out, the most that it can have.
+    /// Samples in the whole job. Before passes are shared out, the most that it can have.
     pub(crate) fn total_samples(&self) -> u64 {
         let pilot_passes = self.adaptation().map_or(0, |adaptation| adaptation.pilot_passes());
         let in_images = self.shared_samples.unwrap_or(self.pass_samples() * u64::from(self.passes));
-        in_images.saturating_add(self.pass_samples() * u64::from(pilot_passes))
+        in_images.saturating_add(self.camera_pass_samples() * u64::from(pilot_passes))
     }
 
-    /// Camera samples in a node; 0 when there is no such tile.
+    /// Samples in a node; 0 when there is no such tile.
     pub(crate) fn node_samples(&self, address: &NodeAddress) -> u64 {
         let pixels = self.grid.tile(address.tile).map_or(0, |tile| tile.pixels() as u64);
         (pixels * u64::from(self.samples_per_pass)) << address.level

@@ -225,7 +225,7 @@ pub(crate) fn hash(content: &[u8]) -> ContentHash {
 }
 
 pub(crate) fn grid() -> TileGrid {
-    TileGrid { width: WIDTH, height: HEIGHT, tile_size: TILE }
+    TileGrid::new(WIDTH, HEIGHT, TILE)
 }
 
 pub(crate) fn sampling() -> Sampling {

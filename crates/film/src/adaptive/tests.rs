@@ -13,7 +13,7 @@ fn sampling() -> Sampling {
 }
 
 /// A row of tiles of four pixels.
-const GRID: TileGrid = TileGrid { width: 16, height: 2, tile_size: 2 };
+const GRID: TileGrid = TileGrid::new(16, 2, 2);
 
 /// A pass of a tile, all of whose pixels and channels have a sum each.
 fn leaf(tile: u32, pass: u32, sums: impl FnMut([u32; 2]) -> f64) -> Node {
@@ -44,7 +44,7 @@ fn noise_is_the_variance_between_passes() {
 
 #[test]
 fn shares_are_in_proportion_to_the_standard_deviation() {
-    let grid = TileGrid { width: 10, height: 1, tile_size: 2 };
+    let grid = TileGrid::new(10, 1, 2);
     // Neighbours of equal noise do not change it.
     let found = units(&shares(&grid, &[4.0, 4.0, 4.0, 4.0, 4.0]));
     assert_eq!(found, [Share::ALL; 5]);
@@ -70,7 +70,7 @@ fn a_quiet_tile_gets_an_eighth_and_what_shows_no_noise_gets_all() {
 #[test]
 fn tiles_at_the_border_count_by_their_pixels() {
     // Two columns, the second of a single pixel's width.
-    let grid = TileGrid { width: 5, height: 4, tile_size: 4 };
+    let grid = TileGrid::new(5, 4, 4);
     let found = units(&shares(&grid, &[1.0, 16.0]));
     let around = (f64::from(Share::ALL) * (4.0f64 / 16.0).sqrt()).ceil() as u32;
     assert_eq!(found, [around, Share::ALL], "(16 * 1 + 4 * 16) / 20 = 4");

@@ -22,6 +22,7 @@ mod overrides;
 mod parse;
 mod path;
 mod path_filter;
+mod planes;
 mod schema;
 #[cfg(test)]
 mod shipped_scenes;

@@ -13,13 +13,16 @@ mod gathering;
 mod light_vertex;
 mod lobe;
 mod media;
+mod splats;
 mod stretch;
 
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use self::light_vertex::LightSubpath;
 use self::lobe::{Lobe, absorption_before, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
+use self::splats::LightPlane;
 use self::stretch::{Origin, Stretch};
 use super::light_subpaths::{FromCamera, Starts};
 use super::prepared::PreparedScene;
@@ -32,10 +35,11 @@ use crate::light::{LightHit, Receiver, Side, Source};
 use crate::math::absorption;
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
+use crate::specular::settings::LightSubpaths;
 use crate::specular::side::unit_normal;
 use crate::specular::{Link, SpecularEvent, SpecularMethod, SpecularPath};
-use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, TileGrid};
 
 /// What one camera sample sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,6 +68,9 @@ pub struct PathTracer<'a> {
     chains: Vec<Chain>,
     /// Where light subpaths begin, if there are any.
     starts: Option<&'a Starts>,
+    /// Whether camera samples are connected to light subpaths.
+    is_connected: bool,
+    light_plane: LightPlane,
     max_depth: u32,
     start: Start,
 }
@@ -95,8 +102,8 @@ struct Walk {
 }
 
 impl<'a> PathTracer<'a> {
-    /// A path tracer that leaves the paths that the scene's method owns to it.
-    pub fn new(prepared: &'a PreparedScene) -> Self {
+    /// A path tracer that leaves the paths that the scene's method owns to it, for a film that is cut as `grid` says.
+    pub fn new(prepared: &'a PreparedScene, grid: &TileGrid) -> Self {
         let chain = |events: Vec<SpecularEvent>| {
             let with_light = events.iter().map(|event| PathEvent::from(*event)).chain([PathEvent::Light]).collect();
             Chain { events, with_light }
@@ -105,14 +112,25 @@ impl<'a> PathTracer<'a> {
         let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
         let max_depth = prepared.description().integrator.max_depth();
         let scene = prepared.scene();
-        let starts = prepared.starts();
-        Self { scene, filter: prepared.path_filter(), method, chains, starts, max_depth, start: Start::of(scene) }
+        let settings = prepared.description().integrator.light_subpaths();
+        Self {
+            scene,
+            filter: prepared.path_filter(),
+            method,
+            chains,
+            starts: prepared.starts(),
+            is_connected: settings == LightSubpaths::Shared,
+            light_plane: LightPlane::new(settings, grid),
+            max_depth,
+            start: Start::of(scene),
+        }
     }
 
     /// Traces one path from the camera.
     pub fn sample(&self, ray: Ray, stream: &mut SampleStream, counters: &mut Counters) -> PathSample {
         let mut sample = PathSample::default();
-        let from_light = self.light_subpath(&mut stream.sibling(), counters);
+        let from_light =
+            if self.is_connected { self.light_subpath(&mut stream.sibling(), counters) } else { ArrayVec::new() };
         let (around, body) = self.start.around(self.scene, &ray);
         let mut walk = Walk {
             ray,

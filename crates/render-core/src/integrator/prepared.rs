@@ -13,6 +13,7 @@ use crate::specular::SpecularMethod;
 use crate::specular::cache::MethodCache;
 use crate::specular::double_glazing::with_double_glazing;
 use crate::specular::environment::with_environment;
+use crate::specular::settings::LightSubpaths;
 use crate::texture::TextureDescription;
 
 /// A scene file that is ready to be rendered. It does not change any more.
@@ -65,7 +66,7 @@ impl PreparedScene {
             import_notes,
             assets: asset_hashes(bundle),
             method: method(&description, &scene, &cache),
-            starts: starts(&description, &scene, path_filter.as_ref()),
+            starts: starts(&description, &scene),
             scene,
             path_filter,
             sampling,
@@ -105,7 +106,7 @@ impl PreparedScene {
         let (method, starts) = if is_lit_alike && description.integrator == self.description.integrator {
             (self.method, self.starts)
         } else {
-            let starts = starts(&description, &scene, self.path_filter.as_ref());
+            let starts = starts(&description, &scene);
             (method(&description, &scene, &self.cache), starts)
         };
         Ok(Self {
@@ -189,18 +190,12 @@ fn method(description: &SceneDescription, scene: &Scene, cache: &MethodCache) ->
     Some(with_double_glazing(with_environment(method, scene, cache), scene, cache))
 }
 
-/// The starts of light subpaths, if the settings have any and if a path may have two surfaces that scatter light.
-fn starts(description: &SceneDescription, scene: &Scene, filter: Option<&PathFilter>) -> Option<Starts> {
-    let has_connections = || match (filter, PathFilter::parse(CONNECTED)) {
-        (Some(filter), Ok(connected)) => filter.shares_a_path(&connected),
-        _ => true,
-    };
-    let has_any = description.integrator.has_light_subpaths() && has_connections();
-    if has_any { Starts::new(scene) } else { None }
+/// The starts of light subpaths, if the scene has any.
+fn starts(description: &SceneDescription, scene: &Scene) -> Option<Starts> {
+    // A method finds what comes from points through panes, and shares it with none.
+    let with_points = matches!(description.integrator.light_subpaths(), LightSubpaths::Alone(_));
+    if description.has_light_subpaths() { Starts::new(scene, with_points) } else { None }
 }
-
-/// The paths that have an edge between two surfaces that scatter light.
-const CONNECTED: &str = "(D|R|T)* D D (D|R|T)* L";
 
 /// The pictures of lights.
 fn light_pictures(description: &SceneDescription) -> impl Iterator<Item = &str> {

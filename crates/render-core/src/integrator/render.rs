@@ -6,12 +6,13 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::light_pass::LightPass;
 use super::path::{PathSample, PathTracer};
 use super::prepared::PreparedScene;
 use crate::scene::Scene;
 use clerestory_film::counters::Counters;
 use clerestory_film::{
-    FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, Rendered, SampleStream, SamplerSettings,
+    FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, Plane, Rendered, SampleStream, SamplerSettings,
     Sampling, Tile, TileGrid,
 };
 
@@ -50,13 +51,14 @@ pub fn render_node(
     }
     let renderer = Renderer {
         scene: scene.scene(),
-        tracer: PathTracer::new(scene),
+        tracer: PathTracer::new(scene, grid),
         tile,
         sampling: scene.sampling(),
         sampler: SamplerSettings {
             seed: scene.description().seed,
             samples_per_block: scene.sampling().samples_per_block(),
         },
+        splatted: scene.description().integrator.light_subpaths().splatted(),
         cancelled,
     };
     renderer.subtree(address)
@@ -68,6 +70,8 @@ struct Renderer<'a> {
     tile: Tile,
     sampling: Sampling,
     sampler: SamplerSettings,
+    /// Light subpaths for each sample of the light plane.
+    splatted: u32,
     cancelled: &'a AtomicBool,
 }
 
@@ -79,12 +83,35 @@ struct Row {
 
 impl Renderer<'_> {
     fn subtree(&self, address: NodeAddress) -> Result<Rendered, RenderError> {
-        let Some([left, right]) = address.children() else { return self.leaf(address) };
-        let (left, right) = rayon::join(|| self.subtree(left), || self.subtree(right));
+        let Some([left, right]) = address.children() else {
+            return match self.tile.plane {
+                Plane::Camera => self.leaf(address),
+                Plane::Light => self.light_leaf(address),
+            };
+        };
+        let (left, right) = match self.tile.plane {
+            Plane::Camera => rayon::join(|| self.subtree(left), || self.subtree(right)),
+            // A leaf has work for all cores, and takes much memory.
+            Plane::Light => (self.subtree(left), self.subtree(right)),
+        };
         let (left, right) = (left?, right?);
         let mut counters = left.counters;
         counters += right.counters;
         Ok(Rendered { node: Node::merge(left.node, &right.node)?, counters })
+    }
+
+    fn light_leaf(&self, address: NodeAddress) -> Result<Rendered, RenderError> {
+        let samples = self.tile.pixels() as u64 * u64::from(self.sampling.samples_per_pass());
+        let plane =
+            LightPass { tracer: &self.tracer, seed: self.sampler.seed, tile: self.tile, cancelled: self.cancelled };
+        let subpaths = samples.saturating_mul(self.splatted.into());
+        let (beauty, mut counters) = plane.splats(address.frame, address.passes().first, subpaths);
+        if self.cancelled.load(Ordering::Relaxed) {
+            return Err(RenderError::Cancelled);
+        }
+        counters.samples = samples;
+        let sums = PassSums { beauty, first_hit: None };
+        Ok(Rendered { node: Node::leaf(address, self.tile, self.sampling, &sums)?, counters })
     }
 
     fn leaf(&self, address: NodeAddress) -> Result<Rendered, RenderError> {

@@ -1,5 +1,7 @@
 //! Cameras: from a point of the picture to a ray.
 
+use std::cmp::Ordering;
+
 use glam::{DVec2, DVec3};
 
 use super::description::{CameraDescription, FilmDescription};
@@ -59,7 +61,47 @@ impl Camera {
     }
 }
 
+/// How a camera sees a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// Column and row of the pixel.
+    pub pixel: [u32; 2],
+    /// The ray on which the point lies.
+    pub ray: Ray,
+    /// How far along it.
+    pub distance: f64,
+    /// Pixels of the picture that a square metre at the point covers, across the ray.
+    pub density: f64,
+}
+
 impl Camera {
+    /// How it sees a point; `None` for a point beside the picture or behind the camera.
+    pub fn sight(&self, point: DVec3) -> Option<Sight> {
+        let local = self.frame.point_to_local(point);
+        let depth = -local.z;
+        let scale = match self.projection {
+            Projection::Perspective => self.pixel_edge * depth,
+            Projection::Orthographic => self.pixel_edge,
+        };
+        if depth.partial_cmp(&0.0) != Some(Ordering::Greater) {
+            return None;
+        }
+        let place = DVec2::new(self.half_size.x + local.x / scale, self.half_size.y - local.y / scale);
+        let end = self.half_size * 2.0;
+        if !(place.cmpge(DVec2::ZERO).all() && place.cmplt(end).all()) {
+            return None;
+        }
+        let ray = self.ray(place);
+        let distance = (point - ray.origin).length();
+        // A plane at the depth of the point, seen at an angle.
+        let tilted = match self.projection {
+            Projection::Perspective => distance / depth,
+            Projection::Orthographic => 1.0,
+        };
+        let density = tilted / (scale * scale);
+        Some(Sight { pixel: [place.x as u32, place.y as u32], ray, distance, density })
+    }
+
     /// The corners of where its rays start: one point, or a rectangle.
     pub fn aperture(&self) -> Vec<DVec3> {
         match self.projection {
@@ -120,6 +162,38 @@ mod tests {
         let ray = perspective().ray(DVec2::ZERO);
         let at_unit_distance = ray.direction / -ray.direction.z;
         assert!((at_unit_distance - DVec3::new(-2.0, 1.0, -1.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn a_point_is_seen_on_the_ray_through_its_pixel_and_covers_its_share_of_the_picture() {
+        let orthographic = CameraDescription::Orthographic {
+            position: [0.3, 0.2, 5.0],
+            look_at: [0.1, 0.0, 0.0],
+            up: [0.0, 1.0, 0.0],
+            height: 2.0,
+        };
+        for camera in [perspective(), Camera::new(&orthographic, FILM)] {
+            for (place, distance) in [([3.2, 4.7], 2.0), ([39.9, 0.1], 0.5), ([20.0, 10.0], 7.0)] {
+                let ray = camera.ray(DVec2::from(place));
+                let seen = camera.sight(ray.at(distance)).unwrap();
+                assert_eq!(seen.pixel, place.map(|coordinate| coordinate as u32));
+                assert!((seen.distance - distance).abs() < 1e-9 && (seen.ray.origin - ray.origin).length() < 1e-9);
+                assert!((seen.ray.direction - ray.direction).length() < 1e-9);
+                // The area across the ray that a small square of the picture covers.
+                let step = 1e-4;
+                let edges = [DVec2::X, DVec2::Y].map(|axis| {
+                    let beside = camera.ray(DVec2::from(place) + axis * step);
+                    let along =
+                        (ray.at(distance) - beside.origin).dot(ray.direction) / beside.direction.dot(ray.direction);
+                    beside.at(along) - ray.at(distance)
+                });
+                let expected = step * step / edges[0].cross(edges[1]).length();
+                assert!((seen.density / expected - 1.0).abs() < 1e-3, "{} {expected}", seen.density);
+            }
+            let middle = camera.ray(DVec2::new(20.0, 10.0));
+            assert!(camera.sight(middle.at(-1.0)).is_none() && camera.sight(middle.origin).is_none());
+            assert!(camera.sight(camera.ray(DVec2::new(40.5, 10.0)).at(3.0)).is_none());
+        }
     }
 
     #[test]

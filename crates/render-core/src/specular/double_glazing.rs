@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use super::cache::MethodCache;
 use super::environment::Portals;
-use super::light_view::{Effort, LightView};
+use super::light_view::{Effort, LightView, assumed_density};
 use super::second_panes::SecondPanes;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_TWO_PANES};
 use crate::geometry::SurfaceId;
@@ -113,7 +113,6 @@ impl SpecularMethod for WithSecondPanes {
             let portals = self.portals.as_ref()?;
             return Some(portals.0.density(scene, point, path.light, (index, face), first.direction));
         }
-        let view = LightView::new(scene, point, path.light, &Effort::at(point), Some(&self.panes));
-        Some(view.density_towards(index, first.direction))
+        Some(assumed_density(scene, point, path.light, index, Some(&self.panes)))
     }
 }

@@ -72,6 +72,80 @@ pub(super) struct PaneAperture<'a> {
     pub(super) origin: DVec3,
     /// What it sees of the pane.
     pub(super) outline: SeenOutline<'a>,
+    /// As [`assumed_density`].
+    pub(super) assumed: f64,
+}
+
+/// Where a shading point may see a light through a pane.
+enum Extent<'a> {
+    /// In a window.
+    Window(Window<'a>),
+    /// All over a pane that is smaller than the light: what it sees of it, with a margin, and the solid angle of that.
+    Pane { rect: Rect, widened: Widened<'a>, weight: f64 },
+}
+
+/// A pane through which a shading point may see a light, and where; `None` when no light can come through.
+fn aperture<'a>(
+    scene: &'a Scene,
+    point: &ShadingPoint,
+    light: u32,
+    pane_index: u32,
+    effort: &Effort,
+    second: Option<&'a SecondPanes>,
+) -> Option<(PaneAperture<'a>, Extent<'a>)> {
+    let source = &scene.lights()[light as usize];
+    let pane = &scene.panes()[pane_index as usize];
+    let origin = pane.frame.point_to_local(point.position);
+    let side = PaneSide::facing(pane, origin)?;
+    if !side.rises_above(origin, pane.frame.vector_to_local(point.normal)) {
+        return None;
+    }
+    let bounds = light_bounds(source, &pane.frame)?;
+    // Bounds that a second pane makes, if it leaves any.
+    let bounds = match second.map(|second| second.behind(pane_index, side.near)) {
+        None => Some(bounds),
+        Some(behind) => behind?.bounds_behind(&bounds, origin),
+    };
+    let [for_window, for_pane] = effort.rays_for;
+    let rays = |own: u32| f64::from(own.max(effort.rays));
+    match bounds.filter(|_| !covers(&LightRegion::of_light(source), pane, point.position)) {
+        Some(bounds) => {
+            let window = Window::new(&side, origin, &bounds)?;
+            let (outline, rect) = (*window.outline(), window.rect());
+            let area = outline.shape(rect).map_or(0.0, |shape| shape.area());
+            // A window that is much larger than the light is cut down to some of its parts.
+            let gain = (window.spread() / (window.deflection().extent() * SETTLED)).max(DVec2::ONE).element_product();
+            let gain = gain.sqrt().clamp(1.0, effort.parts as f64);
+            let solid_angle = area * solid_angle(&side, origin, rect.centre());
+            let assumed = if solid_angle > 0.0 { rays(for_window) * gain / solid_angle } else { 0.0 };
+            Some((PaneAperture { pane: pane_index, side, origin, outline, assumed }, Extent::Window(window)))
+        }
+        None => {
+            let outline = seen_face(&side, origin)?.outline;
+            let rect = *outline.rect();
+            let widened = outline.widened();
+            let weight = widened.area() * solid_angle(&side, origin, rect.centre());
+            let assumed = if weight > 0.0 { rays(for_pane) / weight } else { 0.0 };
+            Some((
+                PaneAperture { pane: pane_index, side, origin, outline, assumed },
+                Extent::Pane { rect, widened, weight },
+            ))
+        }
+    }
+}
+
+/// About how densely the rays of a view go through a pane, for each unit of solid angle: of its window and the light
+/// alone. The exact density depends on all panes. Weights that techniques share a path by may be any function of the
+/// path, and this one costs little.
+pub(super) fn assumed_density(
+    scene: &Scene,
+    point: &ShadingPoint,
+    light: u32,
+    pane: u32,
+    second: Option<&SecondPanes>,
+) -> f64 {
+    let found = aperture(scene, point, light, pane, &Effort::at(point), second);
+    found.map_or(0.0, |(aperture, _)| aperture.assumed)
 }
 
 /// A part of the deflection window of an aperture.
@@ -135,37 +209,15 @@ impl<'a> LightView<'a> {
         let mut patches = Vec::with_capacity(candidates.len());
         let mut windows = Vec::new();
         for index in candidates.into_iter().filter(|index| !scene.media().is_immersed(*index)) {
-            let pane = &scene.panes()[index as usize];
-            let origin = pane.frame.point_to_local(point.position);
-            let Some(side) = PaneSide::facing(pane, origin) else { continue };
-            if !side.rises_above(origin, pane.frame.vector_to_local(point.normal)) {
-                continue;
-            }
-            let Some(bounds) = light_bounds(source, &pane.frame) else { continue };
-            // Bounds that a second pane makes, if it leaves any.
-            let bounds = match second.map(|second| second.behind(index, side.near)) {
-                None => Some(bounds),
-                Some(Some(behind)) => behind.bounds_behind(&bounds, origin),
-                Some(None) => continue,
-            };
+            let Some((aperture, extent)) = aperture(scene, point, light, index, effort, second) else { continue };
             let index_of = apertures.len();
-            let outline = match bounds {
-                Some(bounds) if !covers(&region, pane, point.position) => {
-                    let Some(window) = Window::new(&side, origin, &bounds) else { continue };
-                    let outline = *window.outline();
-                    windows.push((index_of, window));
-                    outline
-                }
-                _ => {
-                    let Some(seen) = seen_face(&side, origin) else { continue };
-                    let rect = *seen.outline.rect();
-                    let widened = seen.outline.widened();
-                    let weight = widened.area() * solid_angle(&side, origin, rect.centre());
+            match extent {
+                Extent::Window(window) => windows.push((index_of, window)),
+                Extent::Pane { rect, widened, weight } => {
                     patches.push(Patch { aperture: index_of, rect, glass: GlassOfPatch::Pane(widened), weight });
-                    seen.outline
                 }
-            };
-            apertures.push(PaneAperture { pane: index, side, origin, outline });
+            }
+            apertures.push(aperture);
         }
         let [for_windows, for_panes] = effort.rays_for;
         let rays = windows.len() as u32 * for_windows + patches.len() as u32 * for_panes;
@@ -201,7 +253,7 @@ impl<'a> LightView<'a> {
             let aperture = &self.apertures[patch.aperture];
             let place = patch.glass.sample(within);
             let density = self.density_in(patch, place);
-            let aimed = AimedRay { place, density };
+            let aimed = AimedRay { place, density, assumed: aperture.assumed };
             if let Some(light_sample) = aperture.look(self.scene, self.point, self.light, aimed, self.second, counters)
             {
                 see(light_sample, aperture);
@@ -221,12 +273,6 @@ impl<'a> LightView<'a> {
         patch.map_or(0.0, |patch| self.density_in(patch, place))
     }
 
-    /// The same in a direction, a unit vector, through a pane.
-    pub(super) fn density_towards(&self, pane: u32, direction: DVec3) -> f64 {
-        let aperture = self.apertures.iter().find(|aperture| aperture.pane == pane);
-        aperture.map_or(0.0, |aperture| self.density(pane, aperture.place(direction)))
-    }
-
     /// The same towards a place of a patch.
     fn density_in(&self, patch: &Patch<'_>, place: DVec2) -> f64 {
         let aperture = &self.apertures[patch.aperture];
@@ -240,6 +286,8 @@ impl<'a> LightView<'a> {
 pub(super) struct AimedRay {
     pub(super) place: DVec2,
     pub(super) density: f64,
+    /// The density that weights assume.
+    pub(super) assumed: f64,
 }
 
 impl PaneAperture<'_> {
@@ -261,7 +309,7 @@ impl PaneAperture<'_> {
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
-        AimedRay { place, density }: AimedRay,
+        AimedRay { place, density, assumed }: AimedRay,
         second: Option<&SecondPanes>,
         counters: &mut Counters,
     ) -> Option<LightSample> {
@@ -300,7 +348,7 @@ impl PaneAperture<'_> {
             return None;
         }
         counters.unique_solutions += 1;
-        let path = SampledPath { density, surface: ray_origin, exit, hit, transmitted };
+        let path = SampledPath { density: assumed, surface: ray_origin, exit, hit, transmitted };
         let arrival = Arrival { direction, weight: hit.radiance * transmittance / density, path: Some(path) };
         Some(LightSample { arrival, density, through, exit, hit })
     }

@@ -26,6 +26,7 @@ pub mod enumeration;
 pub(crate) mod environment;
 pub mod fermat;
 pub mod fnee;
+pub mod light_tracing;
 mod light_view;
 pub mod manifold;
 pub mod missing;
@@ -77,7 +78,8 @@ pub struct Arrival {
 /// The last part of a path that a method has found, and how densely it finds such.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledPath {
-    /// Expected number of times that the method finds it, for each unit of solid angle at the shading point.
+    /// About the expected number of times that the method finds it, for each unit of solid angle at the shading point:
+    /// what [`SpecularMethod::density`] answers.
     pub density: f64,
     /// The specular surface next to the light.
     pub surface: SurfaceId,
@@ -125,8 +127,9 @@ pub trait SpecularMethod: Send + Sync {
     /// exactly the paths that the method does not look for.
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool;
 
-    /// Expected number of times that the method finds a path which it owns, for each unit of solid angle at `point`:
-    /// [`SampledPath::density`]. `None` where it cannot tell, and no other technique may find the path.
+    /// About the expected number of times that the method finds a path which it owns, for each unit of solid angle at
+    /// `point`: [`SampledPath::density`], to rounding. It is positive only if the method may find the path. `None` where
+    /// it cannot tell, and no other technique may find the path.
     fn density(
         &self,
         _scene: &Scene,

@@ -142,7 +142,7 @@ fn looking_through(meshes: &[Value], panes: &[Value], samples: u32) -> PreparedS
 
 /// What the path tracer sees.
 fn seen(scene: &PreparedScene, samples: u32) -> f64 {
-    let grid = TileGrid { width: 1, height: 1, tile_size: 1 };
+    let grid = TileGrid::new(1, 1, 1);
     let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
     let rendered = render_node(scene, &grid, address, &AtomicBool::new(false)).unwrap();
     f64::from(rendered.node.layers().beauty[0][0]) / f64::from(samples)

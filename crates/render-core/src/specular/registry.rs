@@ -11,6 +11,7 @@ use super::auto::AutoSettings;
 use super::cone::ConeSettings;
 use super::conic::ConicSettings;
 use super::fnee::FneeSettings;
+use super::light_tracing::LightTracingSettings;
 use super::mnee::MneeSettings;
 use super::path::PathSettings;
 use super::settings::{Method, MethodSettings};
@@ -120,6 +121,7 @@ impl Default for IntegratorDescription {
 methods! {
     "auto" => Auto(AutoSettings),
     "path" => Path(PathSettings),
+    "light" => Light(LightTracingSettings),
     "cone" => Cone(ConeSettings),
     "fnee" => Fnee(FneeSettings),
     "sms" => Sms(SmsSettings),

@@ -7,6 +7,29 @@ use super::scope::ScopeSettings;
 use crate::scene::Scene;
 use crate::settings::{Check, JsonPath};
 
+/// What a method wants of light subpaths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightSubpaths {
+    /// Nothing.
+    None,
+    /// Camera samples are connected to them, and the light plane has one for each camera sample. They share paths with
+    /// other techniques.
+    Shared,
+    /// The light plane has so many for each camera sample, and what it finds is left to it alone.
+    Alone(u32),
+}
+
+impl LightSubpaths {
+    /// Light subpaths of the light plane for each camera sample.
+    pub fn splatted(self) -> u32 {
+        match self {
+            Self::None => 0,
+            Self::Shared => 1,
+            Self::Alone(subpaths) => subpaths,
+        }
+    }
+}
+
 /// The settings of an integrator in the scene file, which is path tracing with a specular method.
 pub trait MethodSettings {
     /// The chains that it looks for, where they can be chosen.
@@ -36,9 +59,9 @@ pub trait MethodSettings {
         true
     }
 
-    /// Whether camera samples are connected to light subpaths.
-    fn has_light_subpaths(&self) -> bool {
-        false
+    /// What it wants of light subpaths.
+    fn light_subpaths(&self) -> LightSubpaths {
+        LightSubpaths::None
     }
 
     /// Where it chooses among methods: what it chooses, in words.

@@ -302,6 +302,7 @@ async fn scene(State(coordinator): State<FakeCoordinator>, Path(job): Path<Strin
         scene_hash: state.scene_hash.clone(),
         assets: BTreeMap::new(),
         tile_size: state.edge / 2,
+        light_plane: false,
         passes: 1 << 20,
     })
 }
@@ -435,7 +436,7 @@ fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease, edge: u32) -> Vec<Node
     let expected = Expectation {
         job: lease.job.to_string(),
         scene_hash: scene_hash.to_owned(),
-        grid: TileGrid { width: edge, height: edge, tile_size: edge / 2 },
+        grid: TileGrid::new(edge, edge, edge / 2),
         sampling: Sampling::new(1, 1).unwrap(),
         allowed: lease.nodes.iter().map(leased).collect(),
     };

@@ -29,7 +29,7 @@ use crate::watch::rates::Rates;
 /// The leases of a coordinator of a new farm, with a job.
 async fn leases(directory: &TempDir) -> (FilmLeases, JobId) {
     let store = Store::open(Source::file(&directory.path().join("farm.sqlite"))).await.unwrap();
-    let job = NewJob { grid: TileGrid { width: 16, height: 16, tile_size: 16 }, ..some_job() };
+    let job = NewJob { grid: TileGrid::new(16, 16, 16), ..some_job() };
     let id = job.id;
     store.insert_job(job).await.unwrap();
     (FilmLeases::new(store, Clock::default(), Uuid::now_v7(), CancellationToken::new()), id)

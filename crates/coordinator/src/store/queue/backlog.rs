@@ -47,7 +47,8 @@ pub(in crate::store) async fn fill_ready_queue(
                 tile = index;
                 break;
             }
-            let nodes = cut(passes, level).chain(pilot.iter().map(|pass| (0, *pass)));
+            let pilot = pilot.iter().filter(|_| Some(index) != job.grid.light_tile());
+            let nodes = cut(passes, level).chain(pilot.map(|pass| (0, *pass)));
             let before = pending.len();
             pending.extend(nodes.map(|(level, pass)| (round, NodeAddress { frame, tile: index, level, index: pass })));
             free += (pending.len() - before) as u32;
@@ -83,7 +84,7 @@ async fn open_round(
     let tile_passes = adaptive::tile_passes(connection, job).await?;
     let in_tile = |tile| tile_passes.at(frame, tile, end) - tile_passes.at(frame, tile, round_passes.first);
     let in_images: i64 = (0..job.grid.len()).map(|tile| i64::from(in_tile(tile))).sum();
-    let in_pilot = job.pilot_in(round).count() as i64 * i64::from(job.grid.len());
+    let in_pilot = job.pilot_in(round).count() as i64 * i64::from(job.grid.camera_tiles());
     query("insert into round_work (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
         .bind(job.id.to_string())
         .bind(i64::from(frame))

@@ -42,7 +42,7 @@ pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
 }
 
 /// A tile of 256 samples in a pass.
-const ONE_TILE: TileGrid = TileGrid { width: 8, height: 8, tile_size: 16 };
+const ONE_TILE: TileGrid = TileGrid::new(8, 8, 16);
 
 /// Brings all of a lease, as if so much time of two cores had been spent on it.
 async fn bring_after(farm: &Farm, grant: &Grant, core_ms: i64) {
@@ -318,7 +318,7 @@ pub(super) async fn a_worker_with_another_fingerprint_could_try_a_job_without_no
 
 /// A worker whose whole lease was taken over may bring it while the job is pinned to its fingerprint.
 pub(super) async fn nodes_that_were_taken_over_are_not_accepted_after_the_job_was_unpinned(farm: Farm) {
-    farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
+    farm.job_like(|job| NewJob { passes: 1, grid: TileGrid::new(8, 8, 16), ..job }).await;
     let slow = farm.worker_with("slow", Some("bits")).await.unwrap();
     let quick = farm.worker_with("quick", Some("bits")).await.unwrap();
     let other = farm.worker_with("other", Some("other bits")).await.unwrap();

@@ -7,7 +7,7 @@ use crate::model::NewJob;
 use crate::store::leases::expiry::{Expiry, Observation};
 use crate::store::tests::{DeliveredNode, Farm, Grant, TTL_MS, delivered};
 
-const ONE_TILE: TileGrid = TileGrid { width: 8, height: 8, tile_size: 16 };
+const ONE_TILE: TileGrid = TileGrid::new(8, 8, 16);
 
 impl Farm {
     /// Takes back expired leases. Only workers heard of since `alive_ms` are alive.

@@ -184,7 +184,7 @@ pub(crate) fn some_job() -> NewJob {
         is_read_by_first: true,
         is_same_by_first: true,
         assumptions: Vec::new(),
-        grid: TileGrid { width: 70, height: 40, tile_size: 16 },
+        grid: TileGrid::new(70, 40, 16),
         samples_per_pass: 4,
         samples_per_block: 64,
         passes: 1,

@@ -72,7 +72,7 @@ async fn others(connection: &mut Connection) -> i64 {
 async fn claims_and_results_read_what_they_are_about_and_little_else() {
     let farm = Farm::in_postgres().await;
     for _ in 0..3 {
-        let grid = TileGrid { width: 320, height: 320, tile_size: 16 };
+        let grid = TileGrid::new(320, 320, 16);
         farm.job_like(|job| NewJob { passes: 8, grid, ..job }).await;
     }
     let mut workers = Vec::new();

@@ -52,8 +52,7 @@ pub(super) async fn what_a_worker_may_still_keep_is_not_taken_over(farm: Farm) {
 }
 
 pub(super) async fn nodes_wait_for_others_no_longer_than_their_lease_should_take(farm: Farm) {
-    let job =
-        farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 64, height: 64, tile_size: 16 }, ..job }).await;
+    let job = farm.job_like(|job| NewJob { passes: 1, grid: TileGrid::new(64, 64, 16), ..job }).await;
     let record = farm.store.job(job).await.unwrap().unwrap();
     let worker = farm.worker().await;
     let claim = async |count, now_ms| {
@@ -82,7 +81,7 @@ pub(super) async fn late_nodes_are_taken_over_beside_an_older_lease_that_may_kee
 }
 
 pub(super) async fn a_node_is_not_leased_again_without_end(farm: Farm) {
-    farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
+    farm.job_like(|job| NewJob { passes: 1, grid: TileGrid::new(8, 8, 16), ..job }).await;
     let mut last = None;
     for time in 0..3 {
         let grant = farm.claim(farm.worker().await, 1, time * 2000).await.unwrap();
@@ -124,7 +123,7 @@ pub(super) async fn overdue_nodes_of_the_next_round_are_taken_over_while_there_i
 
 pub(super) async fn a_single_node_is_taken_over_by_its_passes(farm: Farm) {
     let [slow, quick] = [farm.worker().await, farm.worker().await];
-    let grid = TileGrid { width: 8, height: 8, tile_size: 16 };
+    let grid = TileGrid::new(8, 8, 16);
     let whole = NodeAddress { frame: 0, tile: 0, level: 1, index: 3 };
     let [first_half, second_half] = whole.children().unwrap();
     for is_whole_first in [true, false] {
@@ -186,7 +185,7 @@ async fn check_the_end(farm: Farm, upload_linger_ms: i64) {
     const WORKERS: usize = 20;
     const STRAGGLERS: usize = 2;
     const RATE: f64 = 100_000.0;
-    let grid = TileGrid { width: 1024, height: 1024, tile_size: 64 };
+    let grid = TileGrid::new(1024, 1024, 64);
     let job =
         farm.job_like(|job| NewJob { passes: 8, samples_per_pass: 16, samples_per_block: 256, grid, ..job }).await;
     let record = farm.store.job(job).await.unwrap().unwrap();

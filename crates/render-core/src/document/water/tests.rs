@@ -32,7 +32,7 @@ fn built(description: SceneDescription) -> PreparedScene {
 fn lit(mut description: SceneDescription) -> f64 {
     description.film = FilmDescription { width: 32, height: 24 };
     let scene = built(description);
-    let grid = TileGrid { width: 32, height: 24, tile_size: 32 };
+    let grid = TileGrid::new(32, 24, 32);
     let address = NodeAddress { frame: 0, tile: 0, level: 2, index: 0 };
     let rendered = render_node(&scene, &grid, address, &AtomicBool::new(false)).unwrap();
     let beauty = &rendered.node.layers().beauty;

@@ -78,15 +78,16 @@ pub(in crate::integrator) struct PlaceOnFace {
 }
 
 impl Starts {
-    /// The starts of a scene; `None` where there are none.
-    pub(in crate::integrator) fn new(scene: &Scene) -> Option<Self> {
+    /// The starts of a scene; `None` where there are none. The light of points through panes is among them if
+    /// `with_points`.
+    pub(in crate::integrator) fn new(scene: &Scene, with_points: bool) -> Option<Self> {
         let faces = FACES.len() * scene.panes().len();
         let slots = faces + 1;
         let mut brought = vec![0.0; slots * scene.lights().len()];
         let mut even = vec![0.0; brought.len()];
         for (light, source) in (0u32..).zip(scene.lights()) {
             let of_light = light as usize * slots;
-            if !source.is_delta() {
+            if with_points || !source.is_delta() {
                 for pane in (0..scene.panes().len() as u32).filter(|pane| !scene.media().is_immersed(*pane)) {
                     for (number, face) in FACES.into_iter().enumerate() {
                         let place = of_light + FACES.len() * pane as usize + number;

@@ -3,17 +3,20 @@
 //! A path has the vertices v1 to vn, from the camera, at which light is scattered into a solid angle. Specular vertices
 //! between two of them, or between vn and the light, belong to the edge there. Edges without any are straight. Each
 //! straight edge between vi and vi+1 is a technique: a camera's walk to vi and a light subpath to vi+1 are connected.
-//! One more is that the camera's walk has found all vertices, and a specular method or chance the light at vn.
+//! One more is that the camera's walk has found all vertices, and a specular method or chance the light at vn. The last
+//! one is that a light subpath of the light plane has found all vertices, and v1 is seen straight by the camera.
 //!
 //! Densities are for each unit of area at v1 and of solid angle at each vi, towards the light. Let c be the densities
 //! of the camera's directions, and l those of the light's. An edge has the length d and a cosine at each end. Light
-//! keeps its etendue on an edge:
+//! keeps its etendue on an edge. The camera finds v1 by one sample in each pixel, and all but the last technique have
+//! that in common. So their P are for each such sample: a(1) is the number of pixels that a unit of area at v1 covers.
 //!
 //! ```text
 //! D(n) = start(path) cos(n)                           a light subpath begins
 //! D(i) = D(i+1) l(i+1) cos(i) / cos(i+1)              and goes on: density at vi
 //! P(i) = M c(1) ... c(i-1) D(i+1) d^2 / cos(i+1)      a connection of vi and vi+1, one of M
 //! P(n) = c(1) ... c(n-1) m                            a method that finds light at vn with the density m
+//! P(0) = R D(1) / a(1)                                a splat of one of the R subpaths for a sample of each pixel
 //! ```
 //!
 //! Both walks follow a specular chain with the same probability. It is the fraction of unpolarised light that a chain
@@ -56,6 +59,12 @@ impl Edge {
 }
 
 impl FromCamera {
+    /// At v1, which light subpaths of the light plane find, `splats` of them for a sample of each pixel. `seen` is the
+    /// number of pixels that a unit of area there covers.
+    pub(in crate::integrator) fn seen(splats: f64, seen: f64) -> Self {
+        Self { near: splats / seen, beyond: 0.0 }
+    }
+
     /// At the end of an edge, at whose beginning light subpaths find `before`.
     pub(in crate::integrator) fn behind(edge: &Edge, before: f64) -> Self {
         let [near, beyond] = edge.parts();
@@ -89,6 +98,12 @@ impl FromLight {
     pub(in crate::integrator) fn total(&self, of_camera: f64, before: f64) -> f64 {
         self.near + self.beyond * of_camera * before
     }
+}
+
+/// The share of a splat, of which there are `splats` for a sample of each pixel: `seen` is the number of pixels that a
+/// unit of area at its vertex covers, and `by_camera` the sum of what the other techniques find.
+pub(in crate::integrator) fn splat_share(splats: f64, seen: f64, by_camera: f64) -> f64 {
+    splats / (splats + seen * by_camera)
 }
 
 /// The share of a connection of a camera's vertex and a light's vertex: cosines at both, the square of the length, and,

@@ -16,7 +16,7 @@ use super::stretch::{Origin, Stretch};
 use super::{PathTracer, Walk};
 use crate::bsdf::polarisation::Polarisation;
 use crate::bsdf::{SampleKind, SurfacePoint};
-use crate::document::PathEvent;
+use crate::document::{FilterState, PathEvent};
 use crate::geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceId};
 use crate::integrator::light_subpaths::{Edge, FromCamera, FromLight, PlaceOnFace, SUBPATHS, Start, connection_share};
 use crate::light::{LightHit, Receiver, Side};
@@ -34,7 +34,7 @@ impl PathTracer<'_> {
         (0..SUBPATHS).filter_map(one).collect()
     }
 
-    fn one_subpath(&self, stream: &mut SampleStream, counters: &mut Counters) -> Option<OneSubpath<'_>> {
+    pub(super) fn one_subpath(&self, stream: &mut SampleStream, counters: &mut Counters) -> Option<OneSubpath<'_>> {
         let start = self.starts?.sample(self.scene, stream, counters)?;
         let mut walk = Walk {
             ray: start.ray,
@@ -142,7 +142,8 @@ impl PathTracer<'_> {
                 None
             }
             Some(before) => {
-                let straight = walk.stretch.is_straight().then(|| before.position.distance_squared(position));
+                let is_connected = self.is_connected && walk.stretch.is_straight();
+                let straight = is_connected.then(|| before.position.distance_squared(position));
                 let cosines = [before.cosine(before.outgoing), cosine];
                 Some(FromLight::behind(&Edge { straight, cosines, pdf: before.of_light(before.outgoing) }))
             }
@@ -192,14 +193,15 @@ impl PathTracer<'_> {
 
     /// What light subpaths find of a path that has come to a surface.
     pub(super) fn by_light(&self, walk: &Walk, at: &SurfacePoint, position: DVec3) -> FromCamera {
-        let Some(origin) = walk.stretch.from.filter(|_| self.starts.is_some() && walk.stretch.is_open()) else {
-            return FromCamera::default();
-        };
-        let straight = walk.stretch.is_straight().then(|| origin.point.position.distance_squared(position));
-        let cosines = [origin.cosine, at.normals.geometric.dot(walk.ray.direction).abs()];
-        if walk.stretch.is_left_to_chance || cosines[1] == 0.0 {
+        let last = at.normals.geometric.dot(walk.ray.direction).abs();
+        let is_open = walk.stretch.is_open() && !walk.stretch.is_left_to_chance;
+        if self.starts.is_none() || !is_open || last == 0.0 {
             return FromCamera::default();
         }
+        let Some(origin) = walk.stretch.from else { return self.seen_by_light(walk, last, position) };
+        let is_connected = self.is_connected && walk.stretch.is_straight();
+        let straight = is_connected.then(|| origin.point.position.distance_squared(position));
+        let cosines = [origin.cosine, last];
         FromCamera::behind(&Edge { straight, cosines, pdf: origin.pdf }, origin.by_light)
     }
 
@@ -268,7 +270,9 @@ impl PathTracer<'_> {
         counters: &mut Counters,
     ) -> DVec3 {
         let vertex = &subpath.vertices[number];
-        if walk.depth + vertex.depth > self.max_depth || !self.accepts_light(walk, &subpath.events[..=vertex.events]) {
+        if walk.depth + vertex.depth > self.max_depth
+            || !self.accepts_light(walk.filter, &subpath.events[..=vertex.events])
+        {
             return DVec3::ZERO;
         }
         let offset = vertex.position - point.position;
@@ -352,13 +356,16 @@ impl PathTracer<'_> {
             return *subpath.found[0].get_or_init(|| FoundBy::Straight(self.asked_density(subpath, normal)));
         };
         let gathers_behind = first.bsdf.gathers_behind();
+        // A point is met by no path.
+        let is_point = self.scene.lights()[subpath.start.light as usize].is_delta();
+        let by_chance = if is_point { FoundBy::Method(0.0) } else { FoundBy::Chance };
         // Light from behind is left to chance, whatever the method finds in front.
         if !gathers_behind && first.incident.dot(normal) >= 0.0 {
-            return FoundBy::Chance;
+            return by_chance;
         }
         let surface = SurfaceId::Triangle(first.triangle);
         let point = ShadingPoint { position: first.position, normal, surface, bounces };
-        *subpath.found[usize::from(bounces > 1)].get_or_init(|| {
+        *subpath.found[bounces.min(2) as usize].get_or_init(|| {
             let Start { light, ray, .. } = &subpath.start;
             let path = SpecularPath {
                 light: *light,
@@ -367,7 +374,7 @@ impl PathTracer<'_> {
                 last_direction: -ray.direction,
                 links: &subpath.links,
             };
-            let Some(point) = self.owner(point, gathers_behind, &path, counters) else { return FoundBy::Chance };
+            let Some(point) = self.owner(point, gathers_behind, &path, counters) else { return by_chance };
             let density = self.method.and_then(|method| method.density(self.scene, &point, &path, counters));
             let asked = self.scene.light_sampler().probability(*light, &Receiver::anywhere(first.position));
             density.map_or(FoundBy::MethodAlone, |density| FoundBy::Method(density * asked))
@@ -392,8 +399,8 @@ impl PathTracer<'_> {
     }
 
     /// Whether a path is rendered that is followed by events, which are given from the light on.
-    fn accepts_light(&self, walk: &Walk, events: &[PathEvent]) -> bool {
-        let (Some(filter), Some(state)) = (self.filter, walk.filter) else { return true };
+    pub(super) fn accepts_light(&self, state: Option<FilterState>, events: &[PathEvent]) -> bool {
+        let (Some(filter), Some(state)) = (self.filter, state) else { return true };
         let state = events.iter().rev().fold(state, |state, event| filter.step(state, *event));
         filter.accepts(state, &[PathEvent::Light])
     }

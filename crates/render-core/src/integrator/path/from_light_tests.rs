@@ -1,4 +1,4 @@
-//! A room with connections to light subpaths is as bright as without, and its noise is less.
+//! A room with light subpaths is as bright as without, and its noise is less.
 
 use serde_json::{Value, json};
 
@@ -12,13 +12,19 @@ const PICTURES: u64 = 6;
 /// Samples of a pixel.
 const SAMPLES: u32 = 64;
 
-/// The room, lit by one light, by light that two surfaces or more have scattered.
+/// Light that a surface has scattered, or several have.
+const PATHS: &str = "D+ (R|T)* L";
+
+/// The room, lit by one light.
 fn lit_by(light: &Value, panes: usize, integrator: &str, seed: u64) -> Value {
     let mut scene = room(&json!([light]), panes);
     scene["film"] = json!({"width": EDGE, "height": EDGE});
     scene["sampling"] = json!({"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES});
-    scene["integrator"] = json!({integrator: {"max_depth": 12}});
-    scene["path_filter"] = json!("D D+ (R|T)* L");
+    scene["integrator"] = match integrator {
+        "light" => json!({"light": {"max_depth": 12, "subpaths": 2}}),
+        _ => json!({integrator: {"max_depth": 12}}),
+    };
+    scene["path_filter"] = json!(PATHS);
     scene["seed"] = json!(seed);
     scene
 }
@@ -52,12 +58,20 @@ fn see(light: &Value, panes: usize, integrator: &str) -> Seen {
     }
 }
 
-/// Compares the means, and the noise, over which connections have to be better by a factor.
+/// Compares the means, and the noise, over which light subpaths have to be better by a factor.
 #[track_caller]
 fn check(light: &Value, panes: usize, gain: f64) {
-    let [expected, found] = ["cone", "auto"].map(|integrator| see(light, panes, integrator));
+    let expected = see(light, panes, "cone");
+    compare(light, panes, &expected, "auto", gain);
+    // A light that comes past the panes as well is found by camera samples alone.
+    compare(light, panes, &expected, "light", 0.0);
+}
+
+#[track_caller]
+fn compare(light: &Value, panes: usize, expected: &Seen, integrator: &str, gain: f64) {
+    let found = see(light, panes, integrator);
     let error = libm::hypot(found.error, expected.error);
-    let what = format!("{found:?}, {expected:?}: {panes} panes, {light}");
+    let what = format!("{integrator} {found:?}, {expected:?}: {panes} panes, {light}");
     assert!((found.mean - expected.mean).abs() < 4.0 * error, "{what}");
     assert!(error < 0.03 * expected.mean, "no power: {what}");
     assert!(found.noise * gain < expected.noise, "more noise: {what}");
@@ -93,4 +107,11 @@ fn light_through_panes_lights_a_room_alike() {
         // Most of it comes past the panes.
         check(&sky, panes, 0.8);
     }
+}
+
+#[test]
+fn light_of_a_point_through_a_pane_is_traced_forward_alike() {
+    let spark = json!({"point": {"name": "spark", "position": [4, -1, 2], "intensity": [9, 9, 9]}});
+    let expected = see(&spark, 1, "auto");
+    compare(&spark, 1, &expected, "light", 0.0);
 }

@@ -26,9 +26,9 @@ pub(super) struct OneSubpath<'a> {
     pub(super) vertices: Vec<LightVertex<'a>>,
     /// What happens from the light on.
     pub(super) events: Vec<PathEvent>,
-    /// How densely the method finds the light at the first vertex, if that is the camera's second diffuse vertex, or a
-    /// later one.
-    pub(super) found: [OnceCell<FoundBy>; 2],
+    /// How densely the method finds the light at the first vertex, if that is the camera's first diffuse vertex, its
+    /// second, or a later one.
+    pub(super) found: [OnceCell<FoundBy>; 3],
 }
 
 /// How else than by a light subpath the light at the first vertex of one is found.

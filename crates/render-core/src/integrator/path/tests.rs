@@ -8,7 +8,7 @@ use super::*;
 use crate::document::{SceneBundle, SceneDescription};
 use crate::integrator::render_node;
 use crate::scene::Assets;
-use clerestory_film::{NodeAddress, TileGrid};
+use clerestory_film::NodeAddress;
 
 /// Edge of the images, pixels.
 pub(super) const EDGE: u32 = 16;
@@ -20,9 +20,16 @@ pub(super) const SAMPLES: u32 = 256;
 pub(super) fn sums(scene: &Value, assets: &Assets) -> Vec<[f32; 3]> {
     let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
     let scene = PreparedScene::build(&SceneBundle::from_parts(description, assets.clone()).unwrap()).unwrap();
-    let grid = TileGrid { width: EDGE, height: EDGE, tile_size: EDGE };
-    let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
-    render_node(&scene, &grid, address, &AtomicBool::new(false)).unwrap().node.layers().beauty.to_vec()
+    let grid = scene.description().grid(EDGE);
+    let mut sums = vec![[0.0; 3]; (EDGE * EDGE) as usize];
+    for tile in 0..grid.len() {
+        let address = NodeAddress { frame: 0, tile, level: 0, index: 0 };
+        let rendered = render_node(&scene, &grid, address, &AtomicBool::new(false)).unwrap();
+        for (sum, pixel) in sums.as_flattened_mut().iter_mut().zip(rendered.node.layers().beauty.as_flattened()) {
+            *sum += pixel;
+        }
+    }
+    sums
 }
 
 /// Mean of the red channel, and its standard error.

@@ -8,7 +8,7 @@ use super::light_vertex::{LightVertex, OneSubpath};
 use super::*;
 use crate::bsdf::{Bsdf, SurfacePoint};
 use crate::document::{SceneBundle, SceneDescription};
-use crate::integrator::light_subpaths::{Edge, PlaceOnFace, connection_share};
+use crate::integrator::light_subpaths::{Edge, FromLight, PlaceOnFace, connection_share, splat_share};
 use crate::scene::media::Bodies;
 use crate::specular::{Arrival, SampledPath};
 use clerestory_film::SamplerSettings;
@@ -109,7 +109,10 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
     if blocked || !sees {
         return None;
     }
-    let mut by_light = vec![FromCamera::default()];
+    let splats = tracer.light_plane.shared_by;
+    let sight = tracer.scene.camera().sight(vertices[0].position)?;
+    let seen = sight.density * vertices[0].cosines()[0];
+    let mut by_light = vec![if splats > 0.0 { FromCamera::seen(splats, seen) } else { FromCamera::default() }];
     for number in 1..vertices.len() {
         let [before, vertex] = [&vertices[number - 1], &vertices[number]];
         let [of_camera, of_light] = before.densities();
@@ -128,6 +131,14 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
             connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from)
         })
         .collect();
+    if splats > 0.0 {
+        let [here, next] = [&vertices[0], &vertices[1]];
+        let by_camera = tracer.by_camera(subpath, last - 1, next.towards[0], last as u32, counters).unwrap();
+        let cosines = [next.cosines()[0], here.cosines()[1]];
+        let edge = Edge { straight: Some(squared(0)), cosines, pdf: next.densities()[1] };
+        let by_camera = FromLight::behind(&edge).total(here.densities()[0], by_camera);
+        shares.push(splat_share(splats, seen, by_camera));
+    }
     let end = &vertices[last];
     let start = &subpath.start;
     let light = start.light;
@@ -211,9 +222,10 @@ fn shares_of_all_techniques_in_a_path_sum_to_one() {
     let panel = json!({"rectangle": {
         "name": "panel", "centre": [0.2, 0, 2.9], "edge_u": [0, 0.6, 0], "edge_v": [0.8, 0, 0],
         "radiance": [1, 1, 1]}});
-    for panes in [1, 2] {
+    for (panes, has_light_plane) in [(1, false), (1, true), (2, true)] {
         let scene = prepared(&room(&json!([sun, lamp, sky, bulb, spark, panel]), panes));
-        let tracer = PathTracer::new(&scene);
+        let grid = TileGrid::new(4, 4, 4).with_light_plane(has_light_plane);
+        let tracer = PathTracer::new(&scene, &grid);
         let settings = SamplerSettings { seed: 3, samples_per_block: 4096 };
         let (mut lengths, mut smallest, mut kinds) = ([0; 8], 1.0_f64, [0; 3]);
         for sample in 0..4096 {
@@ -234,7 +246,8 @@ fn shares_of_all_techniques_in_a_path_sum_to_one() {
         }
         println!("{panes} panes: {lengths:?} {smallest} {kinds:?}");
         // Paths of two to four vertices, straight from lights, by methods and by chance; no technique has all of one.
-        assert!(lengths[2..5].iter().all(|count| *count > 20) && kinds.iter().all(|count| *count > 5));
+        let first = 2 + usize::from(has_light_plane);
+        assert!(lengths[first..first + 3].iter().all(|count| *count > 20) && kinds.iter().all(|count| *count > 5));
         assert!(smallest < 0.7, "{smallest}");
     }
 }

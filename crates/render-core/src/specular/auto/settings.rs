@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::super::SpecularMethod;
 use super::super::cache::MethodCache;
 use super::super::missing::{Contents, LightGroup, PathClass, between_the_faces, other_than};
-use super::super::settings::{Method, MethodSettings, default_max_depth};
+use super::super::settings::{LightSubpaths, Method, MethodSettings, default_max_depth};
 use super::super::side::GRAZING_COSINE;
 use super::super::sms::SmsSettings;
 use super::choice::choose;
@@ -40,8 +40,8 @@ impl MethodSettings for AutoSettings {
         Ok(())
     }
 
-    fn has_light_subpaths(&self) -> bool {
-        true
+    fn light_subpaths(&self) -> LightSubpaths {
+        LightSubpaths::Shared
     }
 
     fn unfound(&self, contents: Contents) -> Vec<PathClass> {

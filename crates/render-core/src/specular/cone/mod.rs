@@ -12,7 +12,7 @@ mod settings;
 
 pub use settings::ConeSettings;
 
-use super::light_view::{Effort, LightView};
+use super::light_view::{Effort, LightView, assumed_density};
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
@@ -49,7 +49,6 @@ impl SpecularMethod for Cone {
 
     fn density(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> Option<f64> {
         let pane = coverage::through_one_pane(scene, point, path)?;
-        let view = LightView::new(scene, point, path.light, &Effort::at(point), None);
-        Some(view.density_towards(pane, path.links[0].direction))
+        Some(assumed_density(scene, point, path.light, pane, None))
     }
 }

@@ -87,7 +87,8 @@ impl Portals {
             let Some(seen) = SeenPortal::new(scene, point, portal) else { continue };
             let place = seen.sample(DVec2::new(rest, across - across.floor()));
             let density = rays.density(&seen, place, probability * seen.density(place), source);
-            if let Some(found) = seen.aperture.look(scene, point, light, AimedRay { place, density }, second, counters)
+            if let Some(found) =
+                seen.aperture.look(scene, point, light, AimedRay { place, density, assumed: density }, second, counters)
             {
                 arrive(found.arrival);
             }
@@ -96,9 +97,14 @@ impl Portals {
             let random = stream.next_2d();
             if let Some((seen, place)) = straight_to_light(scene, point, source, random, counters) {
                 let density = self.density_at(&rays, &seen, place, source);
-                if let Some(found) =
-                    seen.aperture.look(scene, point, light, AimedRay { place, density }, second, counters)
-                {
+                if let Some(found) = seen.aperture.look(
+                    scene,
+                    point,
+                    light,
+                    AimedRay { place, density, assumed: density },
+                    second,
+                    counters,
+                ) {
                     arrive(found.arrival);
                 }
             }
@@ -228,7 +234,11 @@ impl<'a> SeenPortal<'a> {
             }
             shape @ Shape::Polygon(..) => Covered::Polygon { shape, height: seen.near },
         };
-        Some(Self { portal, aperture: PaneAperture { pane, side, origin, outline: seen.outline }, covered })
+        Some(Self {
+            portal,
+            aperture: PaneAperture { pane, side, origin, outline: seen.outline, assumed: 0.0 },
+            covered,
+        })
     }
 
     fn foot(&self) -> DVec2 {

@@ -151,7 +151,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 fn shape(passes: Range<u32>, width: Range<u32>, height: Range<u32>) -> impl Strategy<Value = Shape> {
-    let shape = |(passes, width, height)| Shape { passes, grid: TileGrid { width, height, tile_size: 16 } };
+    let shape = |(passes, width, height)| Shape { passes, grid: TileGrid::new(width, height, 16) };
     (passes, width, height).prop_map(shape)
 }
 
@@ -168,7 +168,7 @@ fn large() -> impl Strategy<Value = Shape> {
 
 /// So many tiles, of which the last is narrower.
 fn row_of(tiles: u32) -> TileGrid {
-    TileGrid { width: 16 * tiles - 5, height: 9, tile_size: 16 }
+    TileGrid::new(16 * tiles - 5, 9, 16)
 }
 
 /// A worker that has rendered the first two passes of all tiles turns out to be wrong, after another has brought the

@@ -1,0 +1,99 @@
+//! Splats: the vertices of a light subpath that the camera sees.
+
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, TileGrid};
+use glam::DVec3;
+
+use super::light_vertex::OneSubpath;
+use super::{PathTracer, Walk};
+use crate::document::PathFilter;
+use crate::geometry::SurfaceId;
+use crate::integrator::light_subpaths::{FromCamera, splat_share};
+use crate::specular::settings::LightSubpaths;
+
+/// Light subpaths of the light plane, as the weights of techniques see them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LightPlane {
+    /// How many there are for a sample of each pixel.
+    subpaths: f64,
+    /// The same where paths are shared by it.
+    pub(super) shared_by: f64,
+}
+
+/// So many subpaths that other techniques have no share in what they find.
+const ALL: f64 = 1e100;
+
+/// Light that arrives at a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::integrator) struct Splat {
+    /// Column and row.
+    pub(in crate::integrator) pixel: [u32; 2],
+    /// Over the number of light subpaths for a sample of each pixel, W/(m2 sr).
+    pub(in crate::integrator) radiance: DVec3,
+}
+
+impl LightPlane {
+    pub(super) fn new(settings: LightSubpaths, grid: &TileGrid) -> Self {
+        let for_each = if grid.has_light_plane { settings.splatted() } else { 0 };
+        let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);
+        let is_alone = matches!(settings, LightSubpaths::Alone(_)) && grid.has_light_plane;
+        Self { subpaths, shared_by: if is_alone { ALL } else { subpaths } }
+    }
+}
+
+impl PathTracer<'_> {
+    /// Traces a light subpath, and gives its splats.
+    pub(in crate::integrator) fn splat(
+        &self,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+        mut put: impl FnMut(Splat),
+    ) {
+        let Some(subpath) = self.one_subpath(stream, counters) else { return };
+        for number in 0..subpath.vertices.len() {
+            if let Some(splat) = self.splat_of(&subpath, number, counters) {
+                put(splat);
+            }
+        }
+    }
+
+    fn splat_of(&self, subpath: &OneSubpath<'_>, number: usize, counters: &mut Counters) -> Option<Splat> {
+        let vertex = &subpath.vertices[number];
+        let sight = self.scene.camera().sight(vertex.position)?;
+        let state = self.filter.map(PathFilter::start);
+        if !self.accepts_light(state, &subpath.events[..=vertex.events]) {
+            return None;
+        }
+        let (around, body) = self.start.around(self.scene, &sight.ray);
+        if !around.is_air() || body != DVec3::ZERO {
+            return None;
+        }
+        let towards_camera = -sight.ray.direction;
+        let seen = sight.density * vertex.cosine(towards_camera);
+        if seen == 0.0 {
+            return None;
+        }
+        let scattered = vertex.eval(towards_camera) * vertex.bsdf.scale(&vertex.at) * vertex.weight;
+        if scattered == DVec3::ZERO {
+            return None;
+        }
+        let from = SurfaceId::Nothing;
+        if self.scene.blocked_from_triangle(&sight.ray, sight.distance, from, vertex.triangle, counters) {
+            return None;
+        }
+        let by_camera = self.by_camera(subpath, number, towards_camera, number as u32, counters)?;
+        let share = splat_share(self.light_plane.shared_by, seen, by_camera);
+        Some(Splat { pixel: sight.pixel, radiance: scattered * (seen * share / self.light_plane.subpaths) })
+    }
+
+    /// What the light plane finds of a path whose first vertex is `position`, where the camera sees it at a cosine.
+    pub(super) fn seen_by_light(&self, walk: &Walk, cosine: f64, position: DVec3) -> FromCamera {
+        let is_splatted = self.light_plane.shared_by > 0.0 && walk.depth == 1 && walk.stretch.is_straight();
+        if !is_splatted || walk.body != DVec3::ZERO {
+            return FromCamera::default();
+        }
+        let sight = self.scene.camera().sight(position);
+        sight
+            .map_or(FromCamera::default(), |sight| FromCamera::seen(self.light_plane.shared_by, sight.density * cosine))
+    }
+}
