@@ -15,11 +15,12 @@ use crate::farm::{clerestory, succeeded};
 use crate::random::Random;
 
 /// Scenes and integrators.
-const SCENES: [(&str, &str); 4] = [
+const SCENES: [(&str, &str); 5] = [
     ("references/crown-sphere.json", "cone"),
     ("references/crown-sphere.json", "fnee"),
     ("references/bump-point.json", "fnee"),
     ("room.json", "path"),
+    ("room.json", "auto"),
 ];
 
 /// Options for adaptive sampling and targets.

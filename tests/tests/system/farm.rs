@@ -60,7 +60,8 @@ fn farms_of_any_size_make_the_same_bits_as_one_process() {
     let orders = [
         order("references/crown-sphere.json", &["--size", "40x40", "--spp", "112", "--integrator", "cone"][..]),
         order("references/crown-sphere.json", &["--size", "40x40", "--spp", "80", "--integrator", "fnee"]),
-        order("room.json", &["--size", "40x40", "--spp", "112", "--integrator", "path"]),
+        // With a light plane.
+        order("room.json", &["--size", "40x40", "--spp", "48", "--integrator", "auto"]),
     ];
     let orders = orders.map(|order| {
         let folder = tempfile::tempdir().unwrap();
@@ -90,7 +91,7 @@ fn submit_brings_the_same_files_as_render() {
     };
     let mut farm = Farm::start(None, &["--lease-nodes", "1"]);
     farm.start_worker("nave");
-    for integrator in ["fnee", "auto"] {
+    for integrator in ["fnee", "auto", "light"] {
         let alone = files("alone", integrator, clerestory().arg("render"));
         let together = files("together", integrator, &mut farm.command(&["submit", "--wait", "--tile", "16"]));
         assert_made_alike(&together.0, &alone.0);

@@ -30,9 +30,16 @@ impl SceneDescription {
         };
         let specular = meshes(&|mesh| self.parts().is_specular(mesh));
         let glass: Vec<_> = scene.panes().iter().map(Pane::world_bounds).chain(specular).collect();
+        let finds_reflections = self.grid(1).has_light_plane && self.contents().meshes == 0;
+        let of_panes = |classes: Vec<PathClass>| -> Vec<PathClass> {
+            if !finds_reflections {
+                return classes;
+            }
+            classes.into_iter().map(PathClass::seen_over_glass).collect()
+        };
         let mut classes = Vec::new();
         if let Some(group) = small_lights(scene, &glass) {
-            classes.extend(self.integrator.unowned(&group, self.contents()));
+            classes.extend(of_panes(self.integrator.unowned(&group, self.contents())));
         }
         let walls = meshes(&|mesh| self.parts().is_left_to_chance(mesh));
         classes.extend(small_lights(scene, &walls).map(|group| group.over_thin_walls(self.contents())));
@@ -43,7 +50,8 @@ impl SceneDescription {
         let environment = scene.light_sampler().environment().map(|index| &scene.lights()[index as usize]);
         if let Some(light) = environment.filter(|light| light.emission().max_element() > 0.0 && !glass.is_empty()) {
             let group = LightGroup { name: format!("the environment \"{}\"", light.name), can_be_met: true };
-            classes.extend(unowned_of_environment(&group, self.contents(), self.integrator.finds_environment()));
+            let unowned = unowned_of_environment(&group, self.contents(), self.integrator.finds_environment());
+            classes.extend(of_panes(unowned));
         }
         self.rendered(classes)
     }
@@ -331,6 +339,18 @@ mod tests {
         check(&with(json!({"mnee": {"missed": "dropped"}})), &["than TT (chains)"]);
         check(&with(json!({"conic": {}})), &["one specular mesh (T; chains)"]);
         check(&with(json!({"fnee": {"selection": "sharp"}})), &["more than one pane", "0.06", "meets first"]);
+        // Light subpaths find reflections within panes on all surfaces that the camera sees straight.
+        let seen = "which the camera sees through or off glass";
+        check(&with(json!("auto")), &[seen, seen]);
+        for filter in ["D TRRT L", "D D TRRT L"] {
+            let late = |integrator: &str| {
+                under_the_sun(&|scene| {
+                    scene["integrator"] = json!(integrator);
+                    scene["path_filter"] = json!(filter);
+                })
+            };
+            assert_eq!((late("auto").len(), late("light").len(), late("cone").len()), (0, 0, 2), "{filter}");
+        }
     }
 
     #[test]

@@ -33,6 +33,14 @@ impl PathClass {
     pub(super) fn new(text: impl Into<String>, paths: impl Into<String>) -> Self {
         Self { text: text.into(), paths: paths.into() }
     }
+
+    /// What light subpaths leave of paths over panes to a surface. They find a path by an edge between two surfaces, or
+    /// between one and the camera, on which there is no glass.
+    pub(crate) fn seen_over_glass(self) -> Self {
+        let text = format!("{}, which the camera sees through or off glass", self.text);
+        let paths = self.paths.replacen(".*D", "[RT]+(D[RT]+)*D", 1);
+        Self { text, paths }
+    }
 }
 
 /// Lights of which some do not reach some surfaces, or do so by chance.
