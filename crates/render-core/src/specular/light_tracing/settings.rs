@@ -49,6 +49,9 @@ impl MethodSettings for LightTracingSettings {
     }
 
     fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
+        if lights.can_be_met {
+            return vec![PathClass::new(lights.all(), ANY)];
+        }
         let of = &lights.name;
         let seen =
             format!("light of {of} over specular vertices to a surface that the camera sees through or off others");
