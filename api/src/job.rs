@@ -185,8 +185,11 @@ pub struct JobView {
     pub height: u32,
     /// Edge of a tile in pixels.
     pub tile_size: u32,
-    /// Tiles in a frame.
+    /// Tiles in a frame, without the light plane.
     pub tiles: u32,
+    /// Whether the film has a light plane, with as many samples as the pixels of the frame have.
+    #[serde(default)]
+    pub light_plane: bool,
     /// Samples per pixel in a pass.
     pub samples_per_pass: u32,
     /// Passes that each tile gets at most.
@@ -203,13 +206,13 @@ pub struct JobView {
     /// With a target, its samples are those at which the error of the last round, falling as their inverse, would be
     /// there.
     pub progress: f64,
-    /// Camera samples accepted so far, over all pixels; those of an adaptive job's pilot are among them.
+    /// Samples accepted so far, over all pixels and planes; those of an adaptive job's pilot are among them.
     pub samples: u64,
-    /// Camera samples after which all of it is rendered, over all pixels, counted like `samples`. Of an adaptive job
+    /// Samples after which all of it is rendered, over all pixels and planes, counted like `samples`. Of an adaptive job
     /// these are the most that it can have, until its passes are shared out.
     #[serde(default)]
     pub total_samples: u64,
-    /// Camera samples accepted each second, lately; absent while unknown or idle.
+    /// Samples accepted each second, lately; absent while unknown or idle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_second: Option<f64>,
     /// Estimated time until the job is done; absent while unknown.

@@ -6,9 +6,10 @@ use clerestory_api::{JobView, StopReason};
 
 use crate::text::duration_text;
 
-/// Samples in a pixel so far, with a unit behind the number, and the end of the job.
+/// Samples in a pixel so far, mean over both planes, with a unit behind the number, and the end of the job.
 pub(crate) fn samples_text(job: &JobView, unit: &str) -> String {
-    let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames);
+    let planes = 1 + u64::from(job.light_plane);
+    let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames) * planes;
     let samples = match job.stopped_by {
         // Samples beyond the last round are not in the image.
         Some(StopReason::Mse | StopReason::EstimatedMse) => {

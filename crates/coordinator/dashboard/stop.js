@@ -22,7 +22,8 @@ export const limits = (job) =>
 /** Samples in a pixel when all of a job is rendered. For an adaptive job, the mean, with the pilot. */
 export const totalInPixel = (job) => job.total_samples / pixels(job);
 
-const pixels = (job) => job.width * job.height * job.frames;
+/** Pixels of all planes. */
+const pixels = (job) => job.width * job.height * job.frames * (job.light_plane ? 2 : 1);
 
 /** What ended a job. */
 export const reason = (job) => REASONS[job.stopped_by] ?? job.stopped_by;

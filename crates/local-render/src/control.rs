@@ -10,9 +10,9 @@ pub struct Control {
     pub deadline: Option<Instant>,
     /// Whether to stop now.
     pub cancelled: AtomicBool,
-    /// Camera samples rendered so far.
+    /// Samples rendered so far, of all planes.
     pub samples: AtomicU64,
-    /// Camera samples of the whole render, once that is known.
+    /// Samples of the whole render, once that is known.
     pub planned: AtomicU64,
 }
 

@@ -225,7 +225,7 @@ fn report(job: &JobView, points: &[ConvergencePoint], files: &[PathBuf]) -> Resu
     let rate = job.samples as f64 / (job.core_ms.max(1) as f64 / 1000.0);
     let core_time = Duration::from_millis(u64::try_from(job.core_ms).unwrap_or(0));
     print_line(&format!(
-        "{} camera samples in {} of core time, {rate:.0} a second on each core",
+        "{} samples in {} of core time, {rate:.0} a second on each core",
         job.samples,
         duration_text(core_time)
     ))?;

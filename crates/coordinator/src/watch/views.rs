@@ -63,7 +63,8 @@ impl Views {
             scene_refusal: job.scene_refusal.filter(|_| is_running).map(scene_refusal),
             progress,
             total_samples,
-            tiles: job.grid.len(),
+            tiles: job.grid.camera_tiles(),
+            light_plane: job.grid.has_light_plane,
             width: job.grid.width,
             height: job.grid.height,
             tile_size: job.grid.tile_size,
@@ -136,7 +137,7 @@ impl Views {
     }
 }
 
-/// Camera samples in the first pass of a job.
+/// Samples in the first pass of a job.
 fn first_pass_samples(job: &JobRecord) -> u64 {
     job.pass_samples()
 }
@@ -146,7 +147,7 @@ fn scene_refusal(refusal: model::SceneRefusal) -> SceneRefusal {
     SceneRefusal { worker, build: refusal.build, reason: refusal.reason }
 }
 
-/// Camera samples after which a job is expected to end: all, or fewer if the error of its last round promises a target
+/// Samples after which a job is expected to end: all, or fewer if the error of its last round promises a target
 /// before.
 fn expected_samples(job: &JobRecord, latest: Option<&ConvergencePoint>) -> u64 {
     let by_targets = latest.and_then(|point| job.targets.expected_samples(job.samples_per_block, &round_error(point)));
