@@ -19,8 +19,8 @@ use crate::store::engine::lists::{Kind, rows_of, to_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 
-/// SQL condition on rows of `jobs` and `workers`: the worker can read the job's scene, and has the build fingerprint
-/// that the job is pinned to.
+/// SQL condition on rows of `jobs` and `workers`: the worker can read the job's scene, knows the light plane if there is
+/// one, and has the build fingerprint that the job is pinned to. Builds with the method `light` know the light plane.
 pub(in crate::store) const MATCHES_PIN: &str = "(((select 1 from method_digests as own \
      where own.worker = workers.id and own.method = jobs.integrator limit 1) is not null \
      or (jobs.read_by_first = 1 \
@@ -29,7 +29,10 @@ pub(in crate::store) const MATCHES_PIN: &str = "(((select 1 from method_digests 
      or (jobs.probe_digest = coalesce(workers.probe_digest, '') and (jobs.same_by_first = 1 \
      or (select 1 from method_digests as own where own.worker = workers.id limit 1) is null)) \
      or (select 1 from method_digests as own where own.worker = workers.id and own.digest = jobs.probe_digest \
-     limit 1) is not null))";
+     limit 1) is not null) \
+     and (jobs.light_plane = 0 \
+     or (select 1 from method_digests as own where own.worker = workers.id and own.method = 'light' limit 1) is not \
+     null))";
 
 /// SQL condition on a row of `workers`: it may get leases, and was heard of since parameter `$1`.
 const IS_THERE: &str = "workers.seen_ms >= $1 and workers.ended_ms is null and workers.quarantine is null";

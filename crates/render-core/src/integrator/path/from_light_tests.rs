@@ -10,7 +10,7 @@ use crate::scene::Assets;
 const PICTURES: u64 = 6;
 
 /// Samples of a pixel.
-const SAMPLES: u32 = 64;
+const SAMPLES: u32 = 16;
 
 /// Light that a surface has scattered, or several have.
 const PATHS: &str = "D+ (R|T)* L";
@@ -21,7 +21,7 @@ fn lit_by(light: &Value, panes: usize, integrator: &str, seed: u64) -> Value {
     scene["film"] = json!({"width": EDGE, "height": EDGE});
     scene["sampling"] = json!({"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES});
     scene["integrator"] = match integrator {
-        "light" => json!({"light": {"max_depth": 12, "subpaths": 2}}),
+        "light" => json!({"light": {"max_depth": 12, "subpaths": 8}}),
         _ => json!({integrator: {"max_depth": 12}}),
     };
     scene["path_filter"] = json!(PATHS);
@@ -63,8 +63,6 @@ fn see(light: &Value, panes: usize, integrator: &str) -> Seen {
 fn check(light: &Value, panes: usize, gain: f64) {
     let expected = see(light, panes, "cone");
     compare(light, panes, &expected, "auto", gain);
-    // A light that comes past the panes as well is found by camera samples alone.
-    compare(light, panes, &expected, "light", 0.0);
 }
 
 #[track_caller]
@@ -73,7 +71,7 @@ fn compare(light: &Value, panes: usize, expected: &Seen, integrator: &str, gain:
     let error = libm::hypot(found.error, expected.error);
     let what = format!("{integrator} {found:?}, {expected:?}: {panes} panes, {light}");
     assert!((found.mean - expected.mean).abs() < 4.0 * error, "{what}");
-    assert!(error < 0.03 * expected.mean, "no power: {what}");
+    assert!(error < 0.05 * expected.mean, "no power: {what}");
     assert!(found.noise * gain < expected.noise, "more noise: {what}");
 }
 
@@ -110,8 +108,12 @@ fn light_through_panes_lights_a_room_alike() {
 }
 
 #[test]
-fn light_of_a_point_through_a_pane_is_traced_forward_alike() {
+fn light_that_is_traced_forward_alone_lights_a_room_alike() {
+    let bulb = json!({"sphere": {"name": "bulb", "centre": [0.5, 1, 2], "radius": 0.1, "radiance": [9, 9, 9]}});
+    let sun = json!({"sun": {"name": "sun", "direction": [1, 0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
     let spark = json!({"point": {"name": "spark", "position": [4, -1, 2], "intensity": [9, 9, 9]}});
-    let expected = see(&spark, 1, "auto");
-    compare(&spark, 1, &expected, "light", 0.0);
+    for (light, panes, integrator) in [(bulb, 0, "cone"), (sun, 1, "cone"), (spark, 1, "fnee")] {
+        let expected = see(&light, panes, integrator);
+        compare(&light, panes, &expected, "light", 0.0);
+    }
 }
