@@ -88,8 +88,8 @@ pub fn smallest_tile(width: u32, height: u32) -> u32 {
     (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE)
 }
 
-/// The most pixels of a frame that has a light plane: a worker holds the whole of it, 36 bytes for each pixel.
-pub const MOST_LIGHT_PIXELS: u64 = 1 << 23;
+/// The most pixels of a frame that has a light plane, as 1920 x 1080: workers and coordinators hold all of it.
+pub const MOST_LIGHT_PIXELS: u64 = 1 << 21;
 
 /// How a film is cut into tiles. Those of the camera plane are squares of `tile_size`, smaller at the right and bottom
 /// borders, numbered in rows. The light plane, if there is one, is the last tile: the whole frame.

@@ -125,7 +125,8 @@ impl FrameImage {
         let mut rows = ImageRows::new(*grid, 0..grid.height, LayerChoice::all(has_standard_error));
         metadata.tile_size = grid.tile_size;
         let mut tile_passes = vec![0; grid.len() as usize];
-        for sum in sums {
+        // The light plane comes last.
+        for sum in sums.iter().filter(|sum| !is_light(sum)).chain(sums.iter().filter(is_light)) {
             rows.fill(sum)?;
             tile_passes[sum.tile_index as usize] = sum.passes;
         }
@@ -350,6 +351,11 @@ pub(super) mod tests {
             }
             assert_eq!((&layers[0].samples, &layers[0].albedo), (&layers[1].samples, &layers[1].albedo));
         }
+        // A tile of one block in the camera plane has no error, whatever the light plane has; one without passes is black.
+        let few: Vec<TileSum> = [sum(0, 9), sum(1, 7), light.clone()].to_vec();
+        let image = FrameImage::assemble(&grid, &few, metadata()).unwrap();
+        let (errors, means) = (image.layers().standard_error.as_ref().unwrap(), &image.layers().mean);
+        assert!(errors[0][0] > 0.0 && errors[6] == [0.0; 3] && means[6] != [0.0; 3] && means[34] == [0.0; 3]);
         // One block of the light plane: nothing is known of its error.
         let short: Vec<TileSum> = camera.iter().cloned().chain([sum(4, 7)]).collect();
         assert!(FrameImage::assemble(&grid, &short, metadata()).unwrap().layers().standard_error.is_none());

@@ -44,7 +44,19 @@ impl LayerChoice {
 pub struct ImageRows {
     grid: TileGrid,
     rows: Range<u32>,
+    /// What each pixel has of the camera plane; empty without a light plane.
+    seen: Vec<Seen>,
     pub(super) layers: ImageLayers,
+}
+
+/// What a pixel has of the camera plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Seen {
+    Nothing,
+    /// Samples.
+    Samples,
+    /// Samples of which the standard error is known.
+    Blocks,
 }
 
 impl ImageRows {
@@ -61,7 +73,8 @@ impl ImageRows {
             depth: choice.others.then(|| vec![0.0; pixels]),
             halves: None,
         };
-        Self { grid, rows, layers }
+        let seen = if grid.has_light_plane { vec![Seen::Nothing; pixels] } else { Vec::new() };
+        Self { grid, rows, seen, layers }
     }
 
     /// Which rows.
@@ -79,8 +92,8 @@ impl ImageRows {
         &self.layers
     }
 
-    /// Adds the means of those pixels of a tile that lie in these rows. An image is the sum of its planes. Each tile may
-    /// be added once, in any order.
+    /// Adds the means of those pixels of a tile that lie in these rows. An image is the sum of its planes. The light
+    /// plane comes after the tiles of the camera plane, and is added where those are.
     ///
     /// # Errors
     ///
@@ -95,14 +108,45 @@ impl ImageRows {
         for y in first..end {
             let in_tile = (y - tile.y) as usize * tile.width as usize;
             let in_rows = (y - self.rows.start) as usize * self.grid.width as usize + tile.x as usize;
-            self.layers.fill_line(sum, tile, in_tile, in_rows);
+            let seen = self.seen.get_mut(in_rows..in_rows + tile.width as usize).unwrap_or_default();
+            if tile.plane == Plane::Light {
+                self.layers.add_light(sum, in_tile, in_rows, seen);
+            } else {
+                self.layers.fill_line(sum, tile, in_tile, in_rows);
+                seen.fill(if sum.blocks() >= 2 { Seen::Blocks } else { Seen::Samples });
+            }
         }
         Ok(())
     }
 }
 
 impl ImageLayers {
-    /// Adds the means of a line of a tile, from pixel `in_tile` of the tile on, to the pixels from `in_rows` on.
+    /// Adds a line of the light plane, from pixel `in_tile` of it on, to the pixels from `in_rows` on, of which the camera
+    /// plane has seen so much.
+    fn add_light(&mut self, sum: &TileSum, in_tile: usize, in_rows: usize, seen: &[Seen]) {
+        let scale = 1.0 / sum.samples().max(1) as f64;
+        let known = f64::from(sum.blocks());
+        let error_scale = 1.0 / (known * (known - 1.0));
+        let moment = sum.layers.moment.as_ref().filter(|_| known >= 2.0);
+        for (index, seen) in seen.iter().enumerate() {
+            let (from, to) = (in_tile + index, in_rows + index);
+            if *seen != Seen::Nothing {
+                for (mean, sum) in self.mean[to].iter_mut().zip(sum.layers.beauty[from]) {
+                    *mean = (*mean + (f64::from(sum) * scale) as f32).clamp(f32::MIN, f32::MAX);
+                }
+            }
+            let Some(errors) = &mut self.standard_error else { continue };
+            errors[to] = match moment.filter(|_| *seen == Seen::Blocks) {
+                Some(moment) => std::array::from_fn(|channel| {
+                    let own = f64::from(moment[from][channel]) * error_scale;
+                    libm::hypot(f64::from(errors[to][channel]), own.sqrt()) as f32
+                }),
+                None => [0.0; 3],
+            };
+        }
+    }
+
+    /// Writes the means of a line of a tile, from pixel `in_tile` of the tile on, to the pixels from `in_rows` on.
     fn fill_line(&mut self, sum: &TileSum, tile: Tile, in_tile: usize, in_rows: usize) {
         let samples = sum.samples();
         let scale = 1.0 / samples.max(1) as f64;
@@ -112,24 +156,21 @@ impl ImageLayers {
         let width = tile.width as usize;
         let (from, to) = (in_tile..in_tile + width, in_rows..in_rows + width);
 
-        add_means(&mut self.mean[to.clone()], &sum.layers.beauty[from.clone()], scale);
-        if let Some(counts) = self.samples.as_mut().filter(|_| tile.plane == Plane::Camera) {
+        write_means(&mut self.mean[to.clone()], &sum.layers.beauty[from.clone()], scale);
+        if let Some(counts) = &mut self.samples {
             counts[to.clone()].fill(u32::try_from(samples).unwrap_or(u32::MAX));
         }
         if let (Some(errors), Some(moment), 2..) = (&mut self.standard_error, &sum.layers.moment, sum.blocks()) {
             for (error, moment) in errors[to.clone()].iter_mut().zip(&moment[from.clone()]) {
-                for (error, moment) in error.iter_mut().zip(moment) {
-                    let own = f64::from((f64::from(*moment) * error_scale).sqrt() as f32);
-                    *error = if *error == 0.0 { own as f32 } else { libm::hypot(f64::from(*error), own) as f32 };
-                }
+                *error = moment.map(|moment| (f64::from(moment) * error_scale).sqrt() as f32);
             }
         }
         if let Some(first_hit) = &sum.layers.first_hit {
             if let Some(albedo) = &mut self.albedo {
-                add_means(&mut albedo[to.clone()], &first_hit.albedo[from.clone()], first_hit_scale);
+                write_means(&mut albedo[to.clone()], &first_hit.albedo[from.clone()], first_hit_scale);
             }
             if let Some(normal) = &mut self.normal {
-                add_means(&mut normal[to.clone()], &first_hit.normal[from.clone()], first_hit_scale);
+                write_means(&mut normal[to.clone()], &first_hit.normal[from.clone()], first_hit_scale);
             }
             if let Some(depth) = &mut self.depth {
                 for (depth, sum) in depth[to].iter_mut().zip(&first_hit.depth[from]) {
@@ -140,9 +181,8 @@ impl ImageLayers {
     }
 }
 
-/// Adds means that are rounded first, so that their order does not matter.
-fn add_means(means: &mut [[f32; 3]], sums: &[[f32; 3]], scale: f64) {
-    for (mean, sum) in means.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
-        *mean = (*mean + (f64::from(*sum) * scale) as f32).clamp(f32::MIN, f32::MAX);
+fn write_means(means: &mut [[f32; 3]], sums: &[[f32; 3]], scale: f64) {
+    for (mean, sum) in means.iter_mut().zip(sums) {
+        *mean = sum.map(|sum| (f64::from(sum) * scale) as f32);
     }
 }

@@ -80,8 +80,10 @@ impl SampleStream {
     /// The numbers of a light subpath, the `number`-th of a pass of the light plane of `frame`. A pass is a sequence of
     /// its own, so that passes are independent.
     #[inline]
-    pub fn of_light(seed: u64, frame: u32, pass: u32, number: u32) -> Self {
-        let [key_low, key_high, ..] = philox([seed as u32, (seed >> 32) as u32], [pass, 0, frame, LIGHT_PLANE]);
+    pub fn of_light(seed: u64, frame: u32, pass: u32, number: u64) -> Self {
+        let [key_low, key_high, ..] =
+            philox([seed as u32, (seed >> 32) as u32], [pass, (number >> 32) as u32, frame, LIGHT_PLANE]);
+        let number = number as u32;
         let pixel_key = [key_low, key_high];
         let [sobol_seed, ..] = philox(pixel_key, counter(number / SOBOL_SAMPLES, 0, 0, Purpose::Scramble));
         let sobol_index = number % SOBOL_SAMPLES;
@@ -254,8 +256,10 @@ mod tests {
         }
         let pairs = numbers(0).zip(numbers(1)).map(|(a, b)| ((a.x * 16.0).floor() + b.x) / 16.0);
         assert!(chi_square(pairs, 256) < chi_square_limit(256));
-        let long = SampleStream::of_light(7, 0, 0, u32::MAX).next_1d();
+        let long = SampleStream::of_light(7, 0, 0, u64::MAX).next_1d();
         assert!((0.0..1.0).contains(&long));
+        let [near, far] = [9, 9 + (1 << 32)].map(|number| SampleStream::of_light(7, 0, 0, number).next_2d());
+        assert_ne!(near, far);
     }
 
     #[test]

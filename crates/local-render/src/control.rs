@@ -1,7 +1,7 @@
 //! How a render is stopped and watched from another thread.
 
 use std::sync::atomic::{AtomicBool, AtomicU64};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Stops a render early and tells its progress. The threads that render share it with the thread that watches.
 #[derive(Default)]
@@ -19,6 +19,11 @@ pub struct Control {
 impl Control {
     /// Whether the deadline has passed.
     pub(crate) fn is_late(&self) -> bool {
-        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+        self.is_late_after(Duration::ZERO)
+    }
+
+    /// Whether it will have passed after some time.
+    pub(crate) fn is_late_after(&self, time: Duration) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() + time >= deadline)
     }
 }

@@ -4,6 +4,7 @@
 //! everywhere. A pass of a tile is complete or does not count.
 
 use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{FilmTile, NodeAddress, TileSum};
@@ -24,6 +25,8 @@ struct LocalTile {
     passes: u32,
     /// Passes that the tile is to have for now.
     wanted: u32,
+    /// How long the last of them took, of the light plane.
+    last: Duration,
 }
 
 /// The passes of an image that have been rendered. They are rendered on the current rayon pool.
@@ -42,7 +45,7 @@ impl<'a> LocalFilm<'a> {
             .zip(&plan.tile_passes)
             .filter_map(|(index, &wanted)| {
                 let film = FilmTile::new(FRAME, index, plan.grid.tile(index)?, plan.sampling);
-                (wanted > 0).then_some(LocalTile { index, film, passes: 0, wanted })
+                (wanted > 0).then_some(LocalTile { index, film, passes: 0, wanted, last: Duration::ZERO })
             })
             .collect();
         Self { scene, plan, tiles, counters: Counters::default() }
@@ -59,14 +62,19 @@ impl<'a> LocalFilm<'a> {
             if tile.passes >= tile.wanted {
                 return Ok(Some(Counters::default()));
             }
-            if tile.passes > 0 && control.is_late() {
+            // A pass of the light plane is one long piece of work.
+            if tile.passes > 0 && control.is_late_after(tile.last) {
                 return Ok(None);
             }
+            let begun = Instant::now();
             let Some(Rendered { node, counters }) = render_leaf(scene, plan, tile.index, tile.passes, control)? else {
                 return Ok(None);
             };
             tile.film.insert(node)?;
             tile.passes += 1;
+            if Some(tile.index) == plan.grid.light_tile() {
+                tile.last = begun.elapsed();
+            }
             Ok(Some(counters))
         };
         let rendered: Vec<Option<Counters>> = self.tiles.par_iter_mut().map(render_tile).collect::<Result<_, _>>()?;

@@ -156,6 +156,10 @@ impl LiveErrors {
             None => None,
         };
         let light = self.light(job).await?;
+        if job.grid.has_light_plane && light.is_none() {
+            // Without its light, the picture is too dark to be measured.
+            return Ok(true);
+        }
         let (first, end) = (live.next_tile, job.grid.camera_tiles());
         for tiles in runs(first..end).chain(runs(0..first)) {
             let is_complete = loop {

@@ -1,14 +1,22 @@
 //! What the types cannot say about the settings of an integrator.
 
+use clerestory_film::MOST_LIGHT_PIXELS;
+
 use super::SceneDescription;
 use crate::settings::check::{Quoted, check_range};
 use crate::settings::{Check, JsonPath, SceneError};
+use crate::specular::settings::LightSubpaths;
 
 impl SceneDescription {
     /// Checks the settings of the integrator by themselves.
     pub(super) fn check_integrator(&self, path: &JsonPath<'_>) -> Check {
         let path = path.member(self.integrator.kind());
         check_range(self.integrator.max_depth(), 1, 1000, &path.member("max_depth"))?;
+        if matches!(self.integrator.light_subpaths(), LightSubpaths::Alone(_)) && !self.fits_light_plane() {
+            let size = format!("a picture of {} x {} pixels", self.film.width, self.film.height);
+            let expected = format!("one of at most {MOST_LIGHT_PIXELS} pixels, or another integrator");
+            return Err(SceneError::value(&path, size, expected));
+        }
         self.integrator.check(&path)
     }
 

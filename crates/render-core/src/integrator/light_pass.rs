@@ -53,7 +53,7 @@ impl LightPass<'_> {
             if self.cancelled.load(Ordering::Relaxed) {
                 break;
             }
-            let mut stream = SampleStream::of_light(self.seed, frame, pass, number as u32);
+            let mut stream = SampleStream::of_light(self.seed, frame, pass, number);
             self.tracer.splat(&mut stream, &mut counters, |splat| {
                 let [x, y] = splat.pixel;
                 splats.push((y * self.tile.width + x, splat.radiance));

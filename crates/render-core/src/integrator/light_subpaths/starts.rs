@@ -263,11 +263,15 @@ fn on_face(scene: &Scene, light: u32, (pane, face): (u32, Face), stream: &mut Sa
         return None;
     }
     let passed = spread * geometry.outline.area() * cosine;
+    let falloff = source.falloff(direction);
+    if falloff == 0.0 {
+        return None;
+    }
     Some(Start {
         light,
         on: Some(PlaceOnFace { pane, face, point, gradient, sample, distance }),
         ray: Ray::new(origin, -direction),
-        weight: sample.weight * passed,
+        weight: sample.weight * passed * falloff,
         density: source.source_density(centre, radius, sample.source) / passed,
     })
 }

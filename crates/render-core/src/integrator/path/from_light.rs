@@ -215,7 +215,7 @@ impl PathTracer<'_> {
         let start = starts.density(self.scene, light, Some(path.surface), &path.exit, &path.hit);
         let others = start * path.transmitted * lobe.cosine(arrival.direction) * by_light;
         let found = path.density * asked;
-        found / (found + others)
+        if others == 0.0 { 1.0 } else { found / (found + others) }
     }
 
     /// The share of chance in a path to a light over specular surfaces that no method owns.

@@ -112,7 +112,11 @@ fn light_that_is_traced_forward_alone_lights_a_room_alike() {
     let bulb = json!({"sphere": {"name": "bulb", "centre": [0.5, 1, 2], "radius": 0.1, "radiance": [9, 9, 9]}});
     let sun = json!({"sun": {"name": "sun", "direction": [1, 0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
     let spark = json!({"point": {"name": "spark", "position": [4, -1, 2], "intensity": [9, 9, 9]}});
-    for (light, panes, integrator) in [(bulb, 0, "cone"), (sun, 1, "cone"), (spark, 1, "fnee")] {
+    // Its cone ends on the pane.
+    let spot = json!({"spot": {
+        "name": "spot", "position": [4, -1, 2], "direction": [-1, 0.3, -0.25], "intensity": [9, 9, 9],
+        "inner_angle": 4, "outer_angle": 16}});
+    for (light, panes, integrator) in [(bulb, 0, "cone"), (sun, 1, "cone"), (spark, 1, "fnee"), (spot, 1, "fnee")] {
         let expected = see(&light, panes, integrator);
         compare(&light, panes, &expected, "light", 0.0);
     }
