@@ -208,8 +208,8 @@ pub struct JobView {
     pub progress: f64,
     /// Samples accepted so far, over all pixels and planes; those of an adaptive job's pilot are among them.
     pub samples: u64,
-    /// Samples after which all of it is rendered, over all pixels and planes, counted like `samples`. Of an adaptive job
-    /// these are the most that it can have, until its passes are shared out.
+    /// Samples after which all of it is rendered, over all pixels and planes, counted like `samples`. Of an adaptive
+    /// job these are the most that it can have, until its passes are shared out.
     #[serde(default)]
     pub total_samples: u64,
     /// Samples accepted each second, lately; absent while unknown or idle.

@@ -351,7 +351,8 @@ pub(super) mod tests {
             }
             assert_eq!((&layers[0].samples, &layers[0].albedo), (&layers[1].samples, &layers[1].albedo));
         }
-        // A tile of one block in the camera plane has no error, whatever the light plane has; one without passes is black.
+        // A tile of one block in the camera plane has no error, whatever the light plane has. One without passes is
+        // black.
         let few: Vec<TileSum> = [sum(0, 9), sum(1, 7), light.clone()].to_vec();
         let image = FrameImage::assemble(&grid, &few, metadata()).unwrap();
         let (errors, means) = (image.layers().standard_error.as_ref().unwrap(), &image.layers().mean);

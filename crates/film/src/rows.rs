@@ -121,8 +121,8 @@ impl ImageRows {
 }
 
 impl ImageLayers {
-    /// Adds a line of the light plane, from pixel `in_tile` of it on, to the pixels from `in_rows` on, of which the camera
-    /// plane has seen so much.
+    /// Adds a line of the light plane, from pixel `in_tile` of it on, to the pixels from `in_rows` on, of which the
+    /// camera plane has seen so much.
     fn add_light(&mut self, sum: &TileSum, in_tile: usize, in_rows: usize, seen: &[Seen]) {
         let scale = 1.0 / sum.samples().max(1) as f64;
         let known = f64::from(sum.blocks());

@@ -20,8 +20,8 @@ use crate::store::events;
 pub(in crate::store) const COLUMNS: &str = "\
      id, name, state, stopped_by, failure, failed_node, hold, priority, scene_hash, integrator, missing_light, \
      assumptions, scene_is_built, left_to_chance, chosen_methods, import_notes, scene_refusal, frames, width, height, \
-     tile_size, light_plane, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, target_mse, \
-     target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
+     tile_size, light_plane, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
+     target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
      cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, redone_nodes, samples, \
      core_ms, counters";
 
@@ -206,7 +206,8 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
          target_estimated_mse, adaptive, created_ms, read_by_first, same_by_first, assumptions, light_plane, \
-         scene_is_built) values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
+         scene_is_built) \
+         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
          $20, $21, $22, $23, 0)",
     )
     .bind(job.id.to_string())

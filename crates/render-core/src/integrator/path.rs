@@ -10,6 +10,7 @@
 mod among_bodies;
 mod from_light;
 mod gathering;
+mod light_plane;
 mod light_vertex;
 mod lobe;
 mod media;
@@ -19,10 +20,10 @@ mod stretch;
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
+use self::light_plane::LightPlane;
 use self::light_vertex::LightSubpath;
 use self::lobe::{Lobe, absorption_before, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
-use self::splats::LightPlane;
 use self::stretch::{Origin, Stretch};
 use super::light_subpaths::{FromCamera, Starts};
 use super::prepared::PreparedScene;

@@ -128,8 +128,8 @@ pub trait SpecularMethod: Send + Sync {
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool;
 
     /// About the expected number of times that the method finds a path which it owns, for each unit of solid angle at
-    /// `point`: [`SampledPath::density`], to rounding. It is positive only if the method may find the path. `None` where
-    /// it cannot tell, and no other technique may find the path.
+    /// `point`: [`SampledPath::density`], to rounding. It is positive only if the method may find the path. `None`
+    /// where it cannot tell, and no other technique may find the path.
     fn density(
         &self,
         _scene: &Scene,

@@ -2,9 +2,9 @@
 //!
 //! What came through glass goes on bouncing. A path from the camera seldom finds the small bright patch from which that
 //! light comes; a light subpath begins there. Each camera sample has its own, and connects its vertices to it (Veach
-//! and Guibas 1994, "Bidirectional estimators for light transport"). Those of the light plane leave a splat wherever the
-//! camera sees a vertex of theirs. `starts` chooses where a light subpath begins, and `weights` how techniques that find
-//! the same path share it.
+//! and Guibas 1994, "Bidirectional estimators for light transport"). Those of the light plane leave a splat wherever
+//! the camera sees a vertex of theirs. `starts` chooses where a light subpath begins, and `weights` how techniques that
+//! find the same path share it.
 
 mod starts;
 mod weights;

@@ -1,7 +1,7 @@
 //! Splats: the vertices of a light subpath that the camera sees.
 
+use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
-use clerestory_film::{SampleStream, TileGrid};
 use glam::DVec3;
 
 use super::light_vertex::OneSubpath;
@@ -9,19 +9,6 @@ use super::{PathTracer, Walk};
 use crate::document::PathFilter;
 use crate::geometry::SurfaceId;
 use crate::integrator::light_subpaths::{FromCamera, splat_share};
-use crate::specular::settings::LightSubpaths;
-
-/// Light subpaths of the light plane, as the weights of techniques see them.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LightPlane {
-    /// How many there are for a sample of each pixel.
-    subpaths: f64,
-    /// The same where paths are shared by it.
-    pub(super) shared_by: f64,
-}
-
-/// So many subpaths that other techniques have no share in what they find.
-const ALL: f64 = 1e100;
 
 /// Light that arrives at a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -30,15 +17,6 @@ pub(in crate::integrator) struct Splat {
     pub(in crate::integrator) pixel: [u32; 2],
     /// Over the number of light subpaths for a sample of each pixel, W/(m2 sr).
     pub(in crate::integrator) radiance: DVec3,
-}
-
-impl LightPlane {
-    pub(super) fn new(settings: LightSubpaths, grid: &TileGrid) -> Self {
-        let for_each = if grid.has_light_plane { settings.splatted() } else { 0 };
-        let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);
-        let is_alone = matches!(settings, LightSubpaths::Alone(_)) && grid.has_light_plane;
-        Self { subpaths, shared_by: if is_alone { ALL } else { subpaths } }
-    }
 }
 
 impl PathTracer<'_> {
