@@ -20,7 +20,7 @@ use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 
 /// SQL condition on rows of `jobs` and `workers`: the worker can read the job's scene, knows the light plane if there
-/// is one, and has the build fingerprint that the job is pinned to. Builds with the method `light` know the light plane.
+/// is one, and has the build fingerprint that the job is pinned to. Builds with the method `light` know light planes.
 pub(in crate::store) const MATCHES_PIN: &str = "(((select 1 from method_digests as own \
      where own.worker = workers.id and own.method = jobs.integrator limit 1) is not null \
      or (jobs.read_by_first = 1 \
