@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use clerestory_film::{FilmTile, ImageRows, LayerChoice, NodeAddress, TileGrid};
+use clerestory_film::{FilmTile, ImageRows, LayerChoice, NodeAddress};
 use clerestory_render_core::document;
 use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::document::water::{WaterSettings, WaterView, lagoon, pool};
@@ -59,7 +59,8 @@ struct Method {
 /// The methods that apply to a scene, each with each of its settings that has code of its own.
 fn methods(scene: &SceneDescription) -> Vec<Method> {
     let few = json!({"biased": {"trials": 2}});
-    let (mut fast, mut slow) = (vec![json!({"path": {}}), json!({"auto": {}})], Vec::new());
+    let (mut fast, mut slow) =
+        (vec![json!({"path": {}}), json!({"auto": {}}), json!({"light": {"subpaths": 2}})], Vec::new());
     if !scene.panes.is_empty() {
         fast.extend([
             json!({"cone": {}}),
@@ -182,15 +183,17 @@ fn prepared(
 /// The digest of a picture of a frame of a scene, made as `clerestory render` makes it.
 fn rendered(scene: &PreparedScene, frame: u32, passes: u32) -> PixelDigest {
     let FilmDescription { width, height } = scene.description().film;
-    let grid = TileGrid::new(width, height, width.max(height));
-    let mut film = FilmTile::new(frame, 0, grid.tile(0).expect("a tile"), scene.sampling());
-    for index in 0..passes {
-        let address = NodeAddress { frame, tile: 0, level: 0, index };
-        let rendered = render_node(scene, &grid, address, &AtomicBool::new(false)).expect("a pass");
-        film.insert(rendered.node).expect("a pass that is not there yet");
-    }
+    let grid = scene.description().grid(width.max(height));
     let mut rows = ImageRows::new(grid, 0..height, LayerChoice::all(true));
-    rows.fill(&film.sum(passes).expect("all passes")).expect("the tile is the picture");
+    for tile in 0..grid.len() {
+        let mut film = FilmTile::new(frame, tile, grid.tile(tile).expect("a tile"), scene.sampling());
+        for index in 0..passes {
+            let address = NodeAddress { frame, tile, level: 0, index };
+            let rendered = render_node(scene, &grid, address, &AtomicBool::new(false)).expect("a pass");
+            film.insert(rendered.node).expect("a pass that is not there yet");
+        }
+        rows.fill(&film.sum(passes).expect("all passes")).expect("the tile is of the picture");
+    }
     PixelDigest::of(rows.layers())
 }
 
