@@ -324,8 +324,8 @@ mod tests {
         let error = cone.with_integrator_named("magic").unwrap_err().to_string();
         assert!(
             error.contains(
-                "integrator: found \"magic\", must be \"auto\" or \"path\" or \"cone\" or \"fnee\" or \"sms\" or \
-                 \"mnee\" or \"conic\""
+                "integrator: found \"magic\", must be \"auto\" or \"path\" or \"light\" or \"cone\" or \"fnee\" or \
+                 \"sms\" or \"mnee\" or \"conic\""
             ),
             "{error}"
         );
