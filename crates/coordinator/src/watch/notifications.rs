@@ -30,7 +30,7 @@ pub(crate) enum Notification {
     Film {
         /// The job.
         job: JobId,
-        /// Their camera samples.
+        /// Their samples.
         samples: u64,
     },
     /// The work of a round of a job may be complete.

@@ -1,4 +1,4 @@
-//! How fast jobs advance: camera samples accepted over the last minute.
+//! How fast jobs advance: samples accepted over the last minute.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Mutex, MutexGuard, PoisonError};

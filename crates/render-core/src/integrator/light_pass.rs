@@ -28,7 +28,7 @@ pub(super) struct LightPass<'a> {
 }
 
 impl LightPass<'_> {
-    /// The sums of the splats of so many light subpaths, for each pixel of the frame.
+    /// The sums of the splats of a number of light subpaths, for each pixel of the frame.
     pub(super) fn splats(&self, frame: u32, pass: u32, subpaths: u64) -> (Vec<DVec3>, Counters) {
         let mut sums = vec![DVec3::ZERO; self.tile.pixels()];
         let mut counters = Counters::default();

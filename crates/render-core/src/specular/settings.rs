@@ -15,7 +15,7 @@ pub enum LightSubpaths {
     /// Camera samples are connected to them, and the light plane has one for each camera sample. They share paths with
     /// other techniques.
     Shared,
-    /// The light plane has so many for each camera sample, and what it finds is left to it alone.
+    /// The light plane has this number for each camera sample, and what it finds is left to it alone.
     Alone(u32),
 }
 

@@ -13,7 +13,7 @@ pub(super) struct LightPlane {
     pub(super) shared_by: f64,
 }
 
-/// So many subpaths that other techniques have no share in what they find.
+/// A number of subpaths beside which other techniques have no share in what these find.
 const ALL: f64 = 1e100;
 
 impl LightPlane {
