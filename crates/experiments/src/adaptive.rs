@@ -24,7 +24,14 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
     question: "Each scene is rendered with the same passes in every tile, and with passes that are shared out by the \
                noise of a pilot, as `--adaptive` does; the pilot's time counts. The error of both falls as the inverse \
                of the time, so the product of error and time says how long each takes to an equal error.",
-    defaults: Defaults { times: None, seeds: Some(3), size: [64, 64], reference_samples: Some(2048), renders: false },
+    defaults: Defaults {
+        times: None,
+        seeds: Some(3),
+        size: [64, 64],
+        reference_samples: Some(2048),
+        renders: false,
+        references: None,
+    },
     run,
 };
 

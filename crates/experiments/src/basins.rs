@@ -40,7 +40,14 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
                at once (u1 = u2, v1 = v2), and is coloured by the path to which it converges. Huan et al. 2023 show \
                three paths through a blown glass profile, whose basins are highly irregular and nearly cover the pane, \
                and a finely detailed pane with many. The paper gives pictures and no numbers.",
-    defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None, renders: false },
+    defaults: Defaults {
+        times: None,
+        seeds: None,
+        size: [256, 256],
+        reference_samples: None,
+        renders: false,
+        references: None,
+    },
     run,
 };
 

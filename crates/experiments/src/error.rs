@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clerestory_film::{CompareError, ImageError, PreviewError};
 use clerestory_local_render::LocalRenderError;
+use clerestory_render_core::document::OverrideError;
 use clerestory_render_core::scene::SceneError;
 
 /// A failure of the [`Host`](crate::Host).
@@ -47,6 +48,33 @@ pub enum ExperimentError {
     /// Two images cannot be compared.
     #[error("cannot compare the images")]
     Compare(#[source] CompareError),
+    /// A picture of a computed scene cannot be made.
+    #[error("cannot make a picture of the scene")]
+    Picture(#[source] Box<dyn Error + Send + Sync>),
+    /// A scene cannot be changed.
+    #[error("cannot change the scene")]
+    Override(#[source] OverrideError),
+    /// The index of references cannot be read.
+    #[error("{} is no index of references", file.display())]
+    Index {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: serde_json::Error,
+    },
+    /// There are no threads to render on.
+    #[error("cannot start a thread")]
+    Threads(#[source] rayon::ThreadPoolBuildError),
+    /// The report is written, and does not say what it should.
+    #[error("{missed} of {all} claims are not met: {} says which", page.display())]
+    Claims {
+        /// Claims that are not met.
+        missed: usize,
+        /// All claims.
+        all: usize,
+        /// The page of the report.
+        page: PathBuf,
+    },
     /// A PNG cannot be made.
     #[error("cannot make the PNG")]
     Preview(#[source] PreviewError),

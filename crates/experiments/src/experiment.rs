@@ -36,6 +36,8 @@ pub struct Defaults {
     pub reference_samples: Option<u32>,
     /// Whether it renders images, which a farm can do.
     pub renders: bool,
+    /// The folder of the references of [`pairs`](crate::pairs), if it compares with these.
+    pub references: Option<&'static str>,
 }
 
 impl Experiment {
@@ -43,11 +45,18 @@ impl Experiment {
     ///
     /// # Errors
     ///
-    /// When a render fails, when a file cannot be written, or when the user interrupts.
+    /// When a render fails, when a file cannot be written, or when the user interrupts. Once the report is written,
+    /// when a claim of the experiment is not met.
     pub fn run(&self, session: &mut Session) -> Result<[PathBuf; 2], ExperimentError> {
         let report = (self.run)(session)?;
         let heading = Heading { name: self.name, title: self.title, question: self.question };
-        files::write(&report, &heading, session)
+        let written = files::write(&report, &heading, session)?;
+        let missed = report.claims.iter().filter(|is_met| !**is_met).count();
+        if missed > 0 {
+            let [page, _] = written;
+            return Err(ExperimentError::Claims { missed, all: report.claims.len(), page });
+        }
+        Ok(written)
     }
 }
 
@@ -110,6 +119,7 @@ mod tests {
         let files = Files::default();
         let surroundings = Surroundings {
             folder: PathBuf::from("experiment"),
+            references: PathBuf::from("references"),
             pool: ThreadPoolBuilder::new().num_threads(1).build().unwrap(),
             control: Arc::new(Control::default()),
             build_scene: PreparedScene::build,

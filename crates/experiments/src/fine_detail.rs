@@ -34,6 +34,7 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
         size: [64, 64],
         reference_samples: Some(1024),
         renders: true,
+        references: None,
     },
     run,
 };

@@ -30,7 +30,14 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
                tree of conic. Granizo-Hidalgo and Holzschuch 2024 say that their caustics are free of noise, and \
                coherent over the frames of an animation. Each is rendered with the same random numbers in all frames, \
                as one would to keep noise still, and with others in each.",
-    defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: Some(256), renders: true },
+    defaults: Defaults {
+        times: None,
+        seeds: None,
+        size: [256, 256],
+        reference_samples: Some(256),
+        renders: true,
+        references: None,
+    },
     run,
 };
 

@@ -8,12 +8,15 @@
 //! - `reference`, `region`: images without bias, and parts of an image whose errors are stated apart;
 //! - `measure`, `farm`, `snapshot`: renders for a time or a number of samples, here or on a farm;
 //! - `comparison`: variants at equal time;
+//! - `core_time`, `ratio`: renders for a time of one core, and ratios of their errors with intervals;
+//! - [`pairs`]: scenes and lights on which `auto` is compared with single methods;
 //! - `report`, `table`, `figure`, `page`, `files`: the report and its files.
 
 mod adaptive;
 mod basin_figure;
 mod basins;
 mod comparison;
+mod core_time;
 mod error;
 mod experiment;
 mod farm;
@@ -26,10 +29,13 @@ mod machine;
 mod manifold;
 mod measure;
 mod page;
+pub mod pairs;
 mod panes;
 mod pool;
+mod ratio;
 mod reference;
 mod region;
+mod regret;
 mod report;
 mod scenes;
 mod selection;
@@ -49,7 +55,7 @@ pub use machine::Machine;
 pub use session::{BuildScene, Session, Settings, Surroundings};
 
 /// All experiments, in the order of the list.
-pub const ALL: [&Experiment; 11] = [
+pub const ALL: [&Experiment; 12] = [
     &solvers::EXPERIMENT,
     &table1::EXPERIMENT,
     &panes::EXPERIMENT,
@@ -61,6 +67,7 @@ pub const ALL: [&Experiment; 11] = [
     &triangles::EXPERIMENT,
     &flicker::EXPERIMENT,
     &adaptive::EXPERIMENT,
+    &regret::EXPERIMENT,
 ];
 
 /// Finds an experiment by its name.

@@ -185,7 +185,8 @@ fn scene_error(bundle: &SceneBundle, source: SceneError) -> ExperimentError {
     ExperimentError::scene(bundle.description().name.as_ref(), source)
 }
 
-fn plan(scene: &PreparedScene, passes: u32) -> PassPlan {
+/// A plan of so many passes of every tile.
+pub(crate) fn plan(scene: &PreparedScene, passes: u32) -> PassPlan {
     let film = scene.description().film;
     let tile_size = TILE.max(smallest_tile(film.width, film.height));
     let grid = scene.description().grid(tile_size);

@@ -29,6 +29,7 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
         size: [96, 72],
         reference_samples: Some(512),
         renders: true,
+        references: None,
     },
     run,
 };

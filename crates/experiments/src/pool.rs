@@ -45,6 +45,7 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
         size: [128, 128],
         reference_samples: Some(1024),
         renders: true,
+        references: None,
     },
     run,
 };

@@ -24,6 +24,8 @@ pub(crate) struct Report {
     pub(crate) figures: Vec<String>,
     pub(crate) tables: Vec<Table>,
     pub(crate) pictures: Vec<Picture>,
+    /// Whether each claim of the experiment is met.
+    pub(crate) claims: Vec<bool>,
     /// Further files: their names and contents.
     pub(crate) files: Vec<(String, Vec<u8>)>,
 }

@@ -38,6 +38,9 @@ pub(crate) const FOUR_PANES: EmbeddedScene = embedded!("four-panes");
 /// The same window before a point of light.
 pub(crate) const FOUR_PANES_POINT: EmbeddedScene = embedded!("four-panes-point");
 
+/// A leaded window in a stone room.
+pub(crate) const ROOM: EmbeddedScene = embedded!("room", "room/stone.png", "room/walls.obj", "room/cames.obj");
+
 /// A slab without folds, for comparison with the authors of specular manifold sampling.
 pub(crate) const SLAB: EmbeddedScene = embedded!("slab", "slab/front.exr", "slab/back.exr");
 
@@ -49,6 +52,9 @@ pub(crate) const NAVE_4: EmbeddedScene = embedded!("nave/nave-4");
 
 /// The same nave with 16 panes.
 pub(crate) const NAVE_16: EmbeddedScene = embedded!("nave/nave-16");
+
+/// The same nave with leaded windows of diamonds.
+pub(crate) const NAVE_DIAMONDS: EmbeddedScene = embedded!("nave/nave-diamonds");
 
 /// The same nave with 64 panes.
 pub(crate) const NAVE_64: EmbeddedScene = embedded!("nave/nave-64");

@@ -31,6 +31,7 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
         size: [96, 96],
         reference_samples: Some(512),
         renders: true,
+        references: None,
     },
     run,
 };

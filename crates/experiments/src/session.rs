@@ -36,6 +36,8 @@ pub struct Session {
     pub(crate) settings: Settings,
     /// Where its files go.
     pub(crate) folder: PathBuf,
+    /// Where the references of pairs are.
+    pub(crate) references: PathBuf,
     /// The threads that render.
     pub(crate) pool: ThreadPool,
     /// Stops a render.
@@ -60,6 +62,8 @@ pub type BuildScene = fn(&SceneBundle) -> Result<PreparedScene, SceneError>;
 pub struct Surroundings {
     /// Where files go.
     pub folder: PathBuf,
+    /// Where the references of [`pairs`](crate::pairs) are.
+    pub references: PathBuf,
     /// The threads that render.
     pub pool: ThreadPool,
     /// Stops a render.
@@ -75,9 +79,9 @@ pub struct Surroundings {
 impl Session {
     /// Begins an experiment.
     pub fn new(settings: Settings, surroundings: Surroundings) -> Self {
-        let Surroundings { folder, pool, control, build_scene, build, host } = surroundings;
+        let Surroundings { folder, references, pool, control, build_scene, build, host } = surroundings;
         let (series, steps, activity) = (Vec::new(), [1, 0], String::new());
-        Self { settings, folder, pool, control, build_scene, build, host, series, steps, activity }
+        Self { settings, folder, references, pool, control, build_scene, build, host, series, steps, activity }
     }
 
     /// Sets the number of steps of the experiment.

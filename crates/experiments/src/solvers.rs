@@ -28,6 +28,7 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
         size: [128, 128],
         reference_samples: Some(512),
         renders: true,
+        references: None,
     },
     run,
 };

@@ -27,7 +27,14 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
                inverse probabilities are cut off after 1000 trials for fnee, as in the paper, and after 10 million for \
                sms, as in its authors' scenes. Whether calls that estimate inverse probabilities count is not said, so \
                success is stated in every sense that the words allow.",
-    defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None, renders: true },
+    defaults: Defaults {
+        times: None,
+        seeds: None,
+        size: [256, 256],
+        reference_samples: None,
+        renders: true,
+        references: None,
+    },
     run,
 };
 

@@ -29,7 +29,14 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
                about the square root of the number. Frames of a view from above the pool, with light of all kinds at \
                one sample for each pixel, show what the caustic adds to a picture, and to a frame of an animation, for \
                which the water is computed and the scene built anew.",
-    defaults: Defaults { times: None, seeds: Some(5), size: [960, 720], reference_samples: None, renders: true },
+    defaults: Defaults {
+        times: None,
+        seeds: Some(5),
+        size: [960, 720],
+        reference_samples: None,
+        renders: true,
+        references: None,
+    },
     run,
 };
 

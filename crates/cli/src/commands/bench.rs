@@ -49,7 +49,7 @@ struct ExperimentArguments {
     experiment: Option<&'static Experiment>,
     /// List the experiments, and end.
     #[arg(long, conflicts_with_all =
-        ["experiment", "output", "times", "seeds", "size", "reference_spp", "threads", "farm"])]
+        ["experiment", "output", "times", "seeds", "size", "reference_spp", "references", "threads", "farm"])]
     list: bool,
     /// Folder to write into [default: experiment-NAME]. References that are there already are used again.
     #[arg(short, long, value_name = "FOLDER")]
@@ -66,6 +66,9 @@ struct ExperimentArguments {
     /// Samples in each pixel of the references.
     #[arg(long, value_name = "N", value_parser = whole(1..=MOST))]
     reference_spp: Option<u32>,
+    /// Folder of the references that `pair-references` rendered, for the experiment `regret` [default: scenes/pairs].
+    #[arg(long, value_name = "FOLDER")]
+    references: Option<PathBuf>,
     /// Threads that render [default: one for each core].
     #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
     threads: Option<ThreadCount>,
@@ -86,12 +89,14 @@ async fn run_experiment(arguments: ExperimentArguments) -> Result<(), Failure> {
     let Some(experiment) = arguments.experiment else { return list() };
     let settings = interpret(experiment, &arguments)?;
     let folder = arguments.output.unwrap_or_else(|| PathBuf::from(format!("experiment-{}", experiment.name)));
+    let references = arguments.references.or_else(|| experiment.defaults.references.map(PathBuf::from));
     let farm = if arguments.farm { Some((arguments.connection.open()?, Handle::current())) } else { None };
     create_folder(&folder)?;
     let pool = ThreadPoolBuilder::new().num_threads(settings.threads.get()).build().map_err(Failure::Threads)?;
     let control = Arc::new(Control::default());
     let surroundings = Surroundings {
         folder,
+        references: references.unwrap_or_default(),
         pool,
         control: control.clone(),
         build_scene: |bundle| local_scene::build(bundle, &mut |_| ()),
@@ -129,6 +134,7 @@ fn interpret(experiment: &Experiment, arguments: &ExperimentArguments) -> Result
         ("--times", !arguments.times.is_empty(), defaults.times.is_some()),
         ("--seeds", arguments.seeds.is_some(), defaults.seeds.is_some()),
         ("--reference-spp", arguments.reference_spp.is_some(), defaults.reference_samples.is_some()),
+        ("--references", arguments.references.is_some(), defaults.references.is_some()),
         ("--farm", arguments.farm, defaults.renders),
     ];
     if let Some((option, ..)) = given.into_iter().find(|(_, is_given, is_known)| *is_given && !is_known) {

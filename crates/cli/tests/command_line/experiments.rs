@@ -37,13 +37,14 @@ fn experiments_are_listed_and_others_refused_with_the_list() {
     let folder = Folder::new();
     let list = folder.succeeds(&["bench", "experiment", "--list"]);
     let names = ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool", "triangles"];
-    for name in names.into_iter().chain(["flicker", "adaptive"]) {
+    for name in names.into_iter().chain(["flicker", "adaptive", "regret"]) {
         assert!(list.lines().any(|line| line.starts_with(name)), "{name}: {list}");
         folder.fails(&["bench", "experiment", "nonsense"], 2, &["'nonsense'", "expected one of", name]);
     }
     folder.fails(&["bench", "experiment"], 2, &["<NAME>"]);
     folder.fails(&["bench", "experiment", "table1", "--times", "1"], 2, &["--times", "table1"]);
     folder.fails(&["bench", "experiment", "basins", "--farm"], 2, &["--farm", "basins"]);
+    folder.fails(&["bench", "experiment", "basins", "--references", "x"], 2, &["--references", "basins"]);
     folder.fails(&["bench", "experiment", "solvers", "--times", "2,1"], 2, &["--times", "2,1"]);
     folder.fails(&["bench", "experiment", "solvers", "--size", "0x5"], 2, &["--size", "640x480"]);
     folder.fails(&["bench", "experiment", "solvers", "-o", "scene.json/x"], 1, &["cannot write scene.json/x"]);
