@@ -35,6 +35,7 @@
 //! - [`two_interfaces`]: all paths through two interfaces, by curves; [`pane_mesh`]: a pane as a mesh;
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`waiting`]: until something can be seen;
+//! - [`pair_references`]: references of the pairs of scenes and lights that `auto` is compared on;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
 pub mod allocation;
@@ -65,6 +66,7 @@ pub mod malformed_partials;
 pub mod malformed_scenes;
 pub mod mesh_tracer;
 pub mod methods;
+pub mod pair_references;
 pub mod pane_mesh;
 pub mod pane_scene;
 pub mod parity;

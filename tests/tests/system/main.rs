@@ -9,6 +9,7 @@ mod fuzz;
 mod large_frames;
 mod load;
 mod readiness;
+mod regret;
 mod stop_rules;
 mod stored_farms;
 mod trust;

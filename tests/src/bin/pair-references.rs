@@ -1,0 +1,66 @@
+//! Renders the references of the experiment `regret`: for each pair of a scene and its light two halves by two methods,
+//! which the bias test compares.
+//!
+//! ```text
+//! tests/run build && target/release/pair-references
+//! ```
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use clerestory_experiments::pairs::{ALL, Pair, SIZE, stored};
+use clerestory_tests::pair_references::{Failure, store};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Renders the references of the experiment `regret`, with their standard error.
+#[derive(Parser)]
+struct Arguments {
+    /// Only pairs whose names begin with one of these; all of them, if none is given.
+    pairs: Vec<String>,
+    /// Where they go.
+    #[arg(long, default_value = "scenes/pairs")]
+    folder: PathBuf,
+    /// Core seconds of the first and of the second half.
+    #[arg(long, value_delimiter = ',', default_value = "140,60")]
+    seconds: Vec<f64>,
+    /// Only those that the folder does not have for the scene as it is.
+    #[arg(long)]
+    missing: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Whether the halves of all references agree.
+fn run(arguments: &Arguments) -> Result<bool, Failure> {
+    let Arguments { pairs, folder, seconds, missing } = arguments;
+    let [first, second] = seconds[..] else { return Err("--seconds takes FIRST,SECOND".into()) };
+    let is_chosen = |pair: &&Pair| pairs.is_empty() || pairs.iter().any(|name| pair.name.starts_with(name.as_str()));
+    let chosen: Vec<&Pair> = ALL.iter().filter(is_chosen).collect();
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {elapsed} (about {eta} left)")?;
+    let progress = ProgressBar::new(1000 * chosen.len() as u64).with_style(style);
+    let mut all_agree = true;
+    for (number, pair) in chosen.iter().enumerate() {
+        progress.set_message(pair.name);
+        let before = 1000 * number as u64;
+        let is_there = *missing && stored::find(folder, &stored::index(folder)?, pair, &pair.bundle(SIZE)?)?.is_some();
+        if !is_there {
+            let told = |part: f64| progress.set_position(before + (part * 1000.0) as u64);
+            let record = store(folder, pair, SIZE, [first, second], told)?;
+            all_agree &= record.agrees;
+            progress.suspend(|| println!("{}: noise {:.2e}; {}", pair.name, record.noise, record.verdict));
+        }
+        progress.set_position(before + 1000);
+    }
+    progress.finish_and_clear();
+    Ok(all_agree)
+}
