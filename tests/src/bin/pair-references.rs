@@ -9,15 +9,16 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use clerestory_experiments::pairs::{ALL, Pair, SIZE, stored};
+use clerestory_experiments::pairs::{ALL, Pair, SIZE, find, stored};
 use clerestory_tests::pair_references::{Failure, store};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Renders the references of the experiment `regret`, with their standard error.
 #[derive(Parser)]
 struct Arguments {
-    /// Only pairs whose names begin with one of these; all of them, if none is given.
-    pairs: Vec<String>,
+    /// The pairs; all of them, if none is given.
+    #[arg(value_parser = pair)]
+    pairs: Vec<&'static Pair>,
     /// Where they go.
     #[arg(long, default_value = "scenes/pairs")]
     folder: PathBuf,
@@ -44,8 +45,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let Arguments { pairs, folder, seconds, missing } = arguments;
     let [first, second] = seconds[..] else { return Err("--seconds takes FIRST,SECOND".into()) };
-    let is_chosen = |pair: &&Pair| pairs.is_empty() || pairs.iter().any(|name| pair.name.starts_with(name.as_str()));
-    let chosen: Vec<&Pair> = ALL.iter().filter(is_chosen).collect();
+    let chosen: Vec<&Pair> = if pairs.is_empty() { ALL.iter().collect() } else { pairs.clone() };
     let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {elapsed} (about {eta} left)")?;
     let progress = ProgressBar::new(1000 * chosen.len() as u64).with_style(style);
     let mut all_agree = true;
@@ -63,4 +63,10 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     }
     progress.finish_and_clear();
     Ok(all_agree)
+}
+
+/// A pair by its name.
+fn pair(name: &str) -> Result<&'static Pair, String> {
+    let names = || ALL.iter().map(|pair| format!("\"{}\"", pair.name)).collect::<Vec<_>>().join(", ");
+    find(name).ok_or_else(|| format!("expected one of {}", names()))
 }

@@ -95,24 +95,26 @@ fn set(text: &str, description: &SceneDescription) -> Result<SceneDescription, O
 }
 
 fn appended(description: &SceneDescription, list: &str, text: &str) -> Result<SceneDescription, SceneError> {
-    edited(description, |scene| {
-        if let Some(list) = scene[list].as_array_mut() {
-            list.push(constant(text));
-        }
+    edited(description, |scene| match scene.get_mut(list).and_then(Value::as_array_mut) {
+        Some(list) => list.push(constant(text)),
+        None => scene[list] = Value::Array(vec![constant(text)]),
     })
 }
 
 fn with_relief(description: &SceneDescription, text: &str) -> Result<SceneDescription, SceneError> {
     let relief = constant(text);
     edited(description, |scene| {
-        for pane in scene["panes"].as_array_mut().into_iter().flatten() {
-            let seed = pane["front"].as_object().and_then(|front| front.values().next()?.get("seed").cloned());
+        for pane in elements(scene, "panes") {
+            let seed = pane
+                .get("front")
+                .and_then(Value::as_object)
+                .and_then(|front| front.values().next()?.get("seed").cloned());
             pane["front"] = seeded(&relief, seed);
             pane["back"] = json!("flat");
         }
-        for window in scene["windows"].as_array_mut().into_iter().flatten() {
+        for window in elements(scene, "windows") {
             let sheet = json!({"own": {"width": SHEET, "height": SHEET, "front": relief}});
-            let described = window["glass"].as_object().filter(|glass| !glass.is_empty()).cloned();
+            let described = window.get("glass").and_then(Value::as_object).filter(|glass| !glass.is_empty()).cloned();
             let kinds = described.unwrap_or_else(|| {
                 HISTORICAL.iter().map(|name| ((*name).to_owned(), json!({"colour": name}))).collect()
             });
@@ -145,6 +147,11 @@ fn without_panes(bundle: &SceneBundle) -> Result<SceneDescription, SceneError> {
     bare.panes.clear();
     bare.sheets.clear();
     Ok(bare)
+}
+
+/// The elements of a list of the scene.
+fn elements<'a>(scene: &'a mut Value, list: &str) -> impl Iterator<Item = &'a mut Value> {
+    scene.get_mut(list).and_then(Value::as_array_mut).into_iter().flatten()
 }
 
 fn edited(description: &SceneDescription, edit: impl FnOnce(&mut Value)) -> Result<SceneDescription, SceneError> {

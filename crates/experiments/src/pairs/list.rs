@@ -23,6 +23,9 @@ const WITHOUT_GLASS: &[&str] = &["light", "path"];
 /// Halves where light subpaths find the light.
 const LIT_FORWARD: [&str; 2] = ["auto", "light"];
 
+/// Halves where walks and searches have next to no noise: one path leads from each point to the light.
+const FOUND_BY_SEARCH: [&str; 2] = ["sms", "fnee"];
+
 /// A pair like most others.
 const USUAL: Pair = Pair {
     name: "",
@@ -148,6 +151,7 @@ pub const ALL: &[Pair] = &[
         glass: "smooth",
         is_required: true,
         is_square: true,
+        halves: FOUND_BY_SEARCH,
         build: changed!(SLAB),
         ..USUAL
     },

@@ -198,7 +198,8 @@ fn regret(compared: &Compared, metric: Metric) -> (Ratio, Option<Logarithm>) {
     let best = single.min_by(|a, b| a.product(metric).total_cmp(&b.product(metric)));
     let ratio = over(compared, best, metric);
     let known = ratio.as_ref().ok().copied();
-    let against = best.map_or_else(String::new, |best| best.method.to_owned());
+    let against = best.filter(|best| !best.renders.is_empty());
+    let against = against.map_or_else(String::new, |best| best.method.to_owned());
     let row = Ratio { against, ..of_pair(compared, figure, metric) };
     (row.with(ratio.map(Logarithm::interval)), known)
 }
