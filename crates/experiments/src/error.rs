@@ -53,7 +53,7 @@ pub enum ExperimentError {
     Picture(#[source] Box<dyn Error + Send + Sync>),
     /// A scene cannot be changed.
     #[error("cannot change the scene")]
-    Override(#[source] OverrideError),
+    Override(#[source] Box<OverrideError>),
     /// The index of references cannot be read.
     #[error("{} is no index of references", file.display())]
     Index {

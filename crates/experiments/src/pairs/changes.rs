@@ -79,7 +79,9 @@ fn changed(bundle: SceneBundle, name: &str, changes: &[Change]) -> Result<SceneB
     let mut bundle = bundle;
     for change in changes {
         let description = match change {
-            Change::Set(text) => set(text, bundle.description()).map_err(ExperimentError::Override)?,
+            Change::Set(text) => {
+                set(text, bundle.description()).map_err(|error| ExperimentError::Override(Box::new(error)))?
+            }
             Change::AddPane(text) => appended(bundle.description(), "panes", text).map_err(failure)?,
             Change::AddLight(text) => appended(bundle.description(), "lights", text).map_err(failure)?,
             Change::Relief(text) => with_relief(bundle.description(), text).map_err(failure)?,

@@ -173,7 +173,6 @@ pub const ALL: &[Pair] = &[
         methods: OVER_MESHES,
         halves: ["auto", "sms"],
         build: changed!(POOL),
-        ..USUAL
     },
     Pair {
         name: "four panes, sun",
