@@ -8,7 +8,7 @@ use clerestory_film::compare;
 use serde::Serialize;
 
 use self::markdown::markdown;
-use self::measured::{Compared, MEASUREMENT_COLUMNS, METHOD_COLUMNS, Measured, Render};
+use self::measured::{AUTO, Compared, MEASUREMENT_COLUMNS, METHOD_COLUMNS, Measured, Render};
 use self::ratios::{RATIO_COLUMNS, ratios};
 use crate::core_time::{self, Job};
 use crate::error::ExperimentError;
@@ -40,9 +40,6 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
     },
     run,
 };
-
-/// What is measured on every pair.
-const AUTO: &str = "auto";
 
 /// How the reference of a pair was made: a row of `references`.
 #[derive(Serialize)]

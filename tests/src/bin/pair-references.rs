@@ -1,4 +1,4 @@
-//! Renders the references of the experiment `regret`: for each pair of a scene and its light two halves by two methods,
+//! Renders the references of the experiment `regret`. Each pair of a scene and its light has two halves by two methods,
 //! which the bias test compares.
 //!
 //! ```text

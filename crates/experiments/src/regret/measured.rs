@@ -8,6 +8,9 @@ use crate::pairs::stored::Found;
 use crate::ratio::Logarithm;
 use crate::table::{Column, column};
 
+/// What is measured on every pair.
+pub(super) const AUTO: &str = "auto";
+
 /// One of two measures of error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Metric {

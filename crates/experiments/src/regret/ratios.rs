@@ -4,8 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::AUTO;
-use super::measured::{Compared, Measured, Metric};
+use super::measured::{AUTO, Compared, Measured, Metric};
 use crate::pairs::TAXES;
 use crate::ratio::{Interval, Logarithm};
 use crate::table::{Column, column, rounded_number};
