@@ -135,7 +135,7 @@ pub const ALL: &[Pair] = &[
         build: || chapel(&[AWAY]),
         ..USUAL
     },
-    Pair { name: "nave", is_required: true, build: changed!(NAVE_16), ..USUAL },
+    Pair { name: "nave", is_required: true, halves: ["light", "auto"], build: changed!(NAVE_16), ..USUAL },
     Pair {
         name: "four panes",
         light: "small lamp",
