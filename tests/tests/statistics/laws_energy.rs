@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use clerestory_tests::estimate::{Agreement, Estimate, check_agreement};
-use clerestory_tests::forward_tracer::Side;
+use clerestory_tests::forward_tracer::{Exit, Side};
 use clerestory_tests::methods::unbiased_integrators;
 use clerestory_tests::pane_scene::{PaneScene, pane};
 use clerestory_tests::traced_scene::{TracedLight, TracedScene};
@@ -42,8 +42,8 @@ fn sun(direction: DVec3, degrees: f64) -> Value {
 }
 
 /// Power that leaves a pane towards the receiver, red channel: by a lattice over the face and the sun's disc, with the
-/// forward tracer's refraction.
-fn transmitted_power(scene: &TracedScene) -> f64 {
+/// forward tracer's refraction. `more` is a factor for each way through the glass, from the way and the absorption.
+fn transmitted_power(scene: &TracedScene, more: impl Fn(&Exit, f64) -> f64) -> f64 {
     const POINTS: usize = 2_000_000;
     // Powers of the inverse of the root of x^5 = x + 1 make the most even lattice in four dimensions (Roberts 2018).
     const ROOT: f64 = 1.167_303_978_261_418_7;
@@ -60,7 +60,7 @@ fn transmitted_power(scene: &TracedScene) -> f64 {
         let to_light = direction * (1.0 - height) + (x * cos + y * sin) * (height * (2.0 - height)).sqrt();
         if let Some(exit) = side.refract(pane, &side.start(pane, [u, v]), to_light) {
             let glass = (-pane.absorption.x * exit.glass_length).exp();
-            power += exit.faces.both * glass * exit.projected_area;
+            power += exit.faces.both * glass * exit.projected_area * more(&exit, pane.absorption.x);
         }
     }
     power * radiance.x * TAU * one_minus_cos / POINTS as f64
@@ -104,12 +104,51 @@ fn check_power(profile: &Value, degrees: f64, edge: f64, precision: impl Fn(&str
     };
     let bundle = bench.bundle(&json!({"path": {}}), 1);
     let traced = TracedScene::build(&bundle, Path::new(".")).expect("the scene can be traced");
-    let power = Estimate::exact(transmitted_power(&traced));
+    let power = Estimate::exact(transmitted_power(&traced, |_, _| 1.0));
     for (method, integrator) in unbiased_integrators() {
         let Some((samples, fault)) = precision(method) else { continue };
         let found = bench.mean_irradiance(&integrator, samples, 32).scaled(edge * edge);
         check_agreement(&format!("power of {degrees} degrees through {profile}, {method}"), &[found], &[power], fault);
     }
+}
+
+/// What light brings that is mirrored within a pane is small beside this part of all.
+const FAULT_OF_REFLECTIONS: f64 = 0.001;
+
+/// All light that a pane lets through, however often it is mirrored within, arrives by light from both ends.
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn light_that_is_mirrored_within_a_pane_arrives_as_well() {
+    for (profile, degrees) in [(json!("flat"), 1.0), (profiles(UNFOLDED)[2].1.clone(), 1.0)] {
+        let direction = DVec3::new(10f64.to_radians().tan(), 0.0, 1.0);
+        let (distance, edge) = (0.3, 0.2);
+        let bench = PaneScene {
+            distance,
+            centre: [-distance * direction.x, 0.0],
+            edge,
+            pixels: 32,
+            filter: "D (T R* T) L",
+            ..PaneScene::new(vec![glass(&profile)], sun(direction, degrees))
+        };
+        let bundle = bench.bundle(&json!({"path": {}}), 1);
+        let traced = TracedScene::build(&bundle, Path::new(".")).expect("the scene can be traced");
+        let power = Estimate::exact(transmitted_power(&traced, mirrored_within));
+        let without = transmitted_power(&traced, |_, _| 1.0);
+        assert!(power.mean > without * 1.001, "{power:?} {without}");
+        for integrator in ["auto", "light"] {
+            let found = bench.mean_irradiance(&json!({integrator: {}}), 64, 32).scaled(edge * edge);
+            let what = format!("all power through {profile}, {integrator}");
+            check_agreement(&what, &[found], &[power], FAULT_OF_REFLECTIONS);
+        }
+    }
+}
+
+/// By what factor light is more that comes out after any number of pairs of reflections within the glass, if these are
+/// like those of the light that comes out at once.
+fn mirrored_within(exit: &Exit, absorption: f64) -> f64 {
+    let [first, second] = exit.faces.each.map(|transmitted| 1.0 - transmitted);
+    let passed = libm::exp(-absorption * exit.glass_length);
+    1.0 / (1.0 - first * second * passed * passed)
 }
 
 /// Cells along an edge of the pictures that are compared.

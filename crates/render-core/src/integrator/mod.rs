@@ -1,5 +1,6 @@
 //! The path tracer, which asks [`crate::specular`] for the light that next event estimation cannot see.
 
+mod allocation;
 mod light_pass;
 mod light_subpaths;
 pub mod path;

@@ -25,6 +25,7 @@ use self::light_vertex::LightSubpath;
 use self::lobe::{Lobe, absorption_before, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
 use self::stretch::{Origin, Stretch};
+use super::allocation::Allocation;
 use super::light_subpaths::{FromCamera, Starts};
 use super::prepared::PreparedScene;
 use crate::bsdf::SampleKind;
@@ -36,7 +37,6 @@ use crate::light::{LightHit, Receiver, Side, Source};
 use crate::math::absorption;
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
-use crate::specular::settings::LightSubpaths;
 use crate::specular::side::unit_normal;
 use crate::specular::{Link, SpecularEvent, SpecularMethod, SpecularPath};
 use clerestory_film::counters::Counters;
@@ -105,23 +105,27 @@ struct Walk {
 impl<'a> PathTracer<'a> {
     /// A path tracer that leaves the paths that the scene's method owns to it, for a film that is cut as `grid` says.
     pub fn new(prepared: &'a PreparedScene, grid: &TileGrid) -> Self {
+        Self::with(prepared, grid, prepared.allocation().on(grid))
+    }
+
+    /// The same with an allocation of effort to light subpaths.
+    pub(super) fn with(prepared: &'a PreparedScene, grid: &TileGrid, allocation: Allocation) -> Self {
         let chain = |events: Vec<SpecularEvent>| {
             let with_light = events.iter().map(|event| PathEvent::from(*event)).chain([PathEvent::Light]).collect();
             Chain { events, with_light }
         };
-        let method = prepared.method();
+        let method = prepared.method().filter(|_| !allocation.is_alone);
         let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
         let max_depth = prepared.description().integrator.max_depth();
         let scene = prepared.scene();
-        let settings = prepared.description().integrator.light_subpaths();
         Self {
             scene,
             filter: prepared.path_filter(),
             method,
             chains,
             starts: prepared.starts(),
-            is_connected: settings == LightSubpaths::Shared,
-            light_plane: LightPlane::new(settings, grid),
+            is_connected: allocation.is_connected,
+            light_plane: LightPlane::new(allocation.splats, allocation.is_alone, grid),
             max_depth,
             start: Start::of(scene),
         }

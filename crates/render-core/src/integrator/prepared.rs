@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::OnceLock;
 
 use clerestory_film::Sampling;
 
+use super::allocation::{Allocation, allocate};
 use super::light_subpaths::Starts;
 use crate::document::{PathFilter, SamplingDescription, SceneBundle, SceneDescription};
 use crate::scene::{BuildStep, ContentHash, Obstacles, Scene, SceneHash};
@@ -32,6 +34,7 @@ pub struct PreparedScene {
     cache: MethodCache,
     method: Option<Box<dyn SpecularMethod>>,
     starts: Option<Starts>,
+    allocation: OnceLock<Allocation>,
 }
 
 impl PreparedScene {
@@ -71,6 +74,7 @@ impl PreparedScene {
             path_filter,
             sampling,
             cache,
+            allocation: OnceLock::new(),
         })
     }
 
@@ -117,6 +121,7 @@ impl PreparedScene {
             starts,
             method,
             scene,
+            allocation: OnceLock::new(),
             ..self
         })
     }
@@ -146,6 +151,15 @@ impl PreparedScene {
         self.starts.as_ref()
     }
 
+    /// How much effort goes into light subpaths. Where a pilot decides it, this takes a second or so at first.
+    pub(super) fn allocation(&self) -> Allocation {
+        match self.description.integrator.light_subpaths() {
+            LightSubpaths::Shared => *self.allocation.get_or_init(|| allocate(self)),
+            LightSubpaths::Alone(splats) if self.starts.is_some() => Allocation::alone(splats),
+            LightSubpaths::Alone(_) | LightSubpaths::None => Allocation::NONE,
+        }
+    }
+
     /// The light path expression to which rendering is restricted.
     pub fn path_filter(&self) -> Option<&PathFilter> {
         self.path_filter.as_ref()
@@ -169,7 +183,11 @@ impl PreparedScene {
 
     /// What the integrator chooses where it chooses among methods, in words.
     pub fn chosen_methods(&self) -> Vec<String> {
-        self.description.integrator.chosen(&self.scene)
+        let mut chosen = self.description.integrator.chosen(&self.scene);
+        if self.starts.is_some() && self.description.integrator.light_subpaths() == LightSubpaths::Shared {
+            chosen.push(self.allocation().describe());
+        }
+        chosen
     }
 
     /// The light of small lights and of the environment that an image leaves to chance, in words, for its metadata.
@@ -192,9 +210,7 @@ fn method(description: &SceneDescription, scene: &Scene, cache: &MethodCache) ->
 
 /// The starts of light subpaths, if the scene has any.
 fn starts(description: &SceneDescription, scene: &Scene) -> Option<Starts> {
-    // A method finds what comes from points through panes, and shares it with none.
-    let with_points = matches!(description.integrator.light_subpaths(), LightSubpaths::Alone(_));
-    if description.has_light_subpaths() { Starts::new(scene, with_points) } else { None }
+    if description.has_light_subpaths() { Starts::new(scene) } else { None }
 }
 
 /// The pictures of lights.

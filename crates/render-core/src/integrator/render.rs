@@ -58,7 +58,7 @@ pub fn render_node(
             seed: scene.description().seed,
             samples_per_block: scene.sampling().samples_per_block(),
         },
-        splatted: scene.starts().map_or(0, |_| scene.description().integrator.light_subpaths().splatted()),
+        splatted: scene.allocation().splats,
         cancelled,
     };
     renderer.subtree(address)

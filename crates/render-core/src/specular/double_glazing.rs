@@ -11,7 +11,8 @@ use std::sync::Arc;
 
 use super::cache::MethodCache;
 use super::environment::Portals;
-use super::light_view::{Effort, LightView, assumed_density};
+use super::assumed_density::assumed_density;
+use super::light_view::{Effort, LightView};
 use super::second_panes::SecondPanes;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_TWO_PANES};
 use crate::geometry::SurfaceId;
@@ -84,7 +85,7 @@ impl SpecularMethod for WithSecondPanes {
             return;
         }
         let random = stream.next_2d();
-        let view = LightView::new(scene, point, light, &Effort::at(point), Some(&self.panes));
+        let view = LightView::new(scene, point, light, &Effort::at(point), Some(&self.panes), counters);
         view.cast(random, counters, &mut |light_sample, _| arrive(light_sample.arrival));
     }
 
@@ -113,6 +114,6 @@ impl SpecularMethod for WithSecondPanes {
             let portals = self.portals.as_ref()?;
             return Some(portals.0.density(scene, point, path.light, (index, face), first.direction));
         }
-        Some(assumed_density(scene, point, path.light, index, Some(&self.panes)))
+        Some(assumed_density(scene, point, path.light, index, &Effort::at(point)))
     }
 }

@@ -9,6 +9,8 @@ use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
 
+use super::assumed_density::assumed_density;
+use super::certificate::Certificate;
 use super::second_panes::SecondPanes;
 use super::side::{PaneSide, Transmission};
 use super::warp::{Warp, Weighted};
@@ -32,6 +34,8 @@ pub(super) struct Effort {
     pub(super) rays_for: [u32; 2],
     /// Parts into which the windows of all panes are cut, about, at the most.
     pub(super) parts: usize,
+    /// Whether panes that show no point of the light on a fold get no rays: a search finds it there.
+    pub(super) is_beside_search: bool,
 }
 
 /// The most rays that are sent because there are many panes.
@@ -42,10 +46,16 @@ impl Effort {
     /// other choices make most of the noise.
     pub(super) fn at(point: &ShadingPoint) -> Self {
         match point.bounces {
-            0 => Self { rays: 16, rays_for: [7, 2], parts: 48 },
-            1 => Self { rays: 2, rays_for: [0; 2], parts: 16 },
-            _ => Self { rays: 1, rays_for: [0; 2], parts: 8 },
+            0 => Self { rays: 16, rays_for: [7, 2], parts: 48, is_beside_search: false },
+            1 => Self { rays: 2, rays_for: [0; 2], parts: 16, is_beside_search: false },
+            _ => Self { rays: 1, rays_for: [0; 2], parts: 8, is_beside_search: false },
         }
+    }
+
+    /// The same where a search finds what comes through panes that show no point of the light on a fold. At later
+    /// vertices of a path, it would cost more than the ray or two that it saves.
+    pub(super) fn beside_search(point: &ShadingPoint) -> Self {
+        Self { is_beside_search: point.bounces == 0, ..Self::at(point) }
     }
 }
 
@@ -56,6 +66,8 @@ pub(super) struct LightView<'a> {
     light: u32,
     second: Option<&'a SecondPanes>,
     apertures: Vec<PaneAperture<'a>>,
+    /// The windows of those of them that are left to a search.
+    searched: Vec<SearchedWindow<'a>>,
     patches: Vec<Patch<'a>>,
     /// Where points that are spread evenly go.
     warp: Warp,
@@ -72,8 +84,15 @@ pub(super) struct PaneAperture<'a> {
     pub(super) origin: DVec3,
     /// What it sees of the pane.
     pub(super) outline: SeenOutline<'a>,
-    /// As [`assumed_density`].
+    /// What weights assume of the density of rays ([`assumed_density`]).
     pub(super) assumed: f64,
+}
+
+/// A window in which no point of a light is on a fold.
+pub(super) struct SearchedWindow<'a> {
+    pub(super) pane: u32,
+    pub(super) window: Window<'a>,
+    pub(super) certificate: Certificate,
 }
 
 /// Where a shading point may see a light through a pane.
@@ -81,6 +100,8 @@ pub(super) struct PaneAperture<'a> {
 enum Extent<'a> {
     /// In a window.
     Window(Window<'a>),
+    /// In a window, no point of it on a fold.
+    Searched(Window<'a>, Certificate),
     /// All over a pane that is smaller than the light: what it sees of it, with a margin, and the solid angle of that.
     Pane { rect: Rect, widened: Widened<'a>, weight: f64 },
 }
@@ -93,6 +114,7 @@ fn aperture<'a>(
     pane_index: u32,
     effort: &Effort,
     second: Option<&'a SecondPanes>,
+    counters: &mut Counters,
 ) -> Option<(PaneAperture<'a>, Extent<'a>)> {
     let source = &scene.lights()[light as usize];
     let pane = &scene.panes()[pane_index as usize];
@@ -107,18 +129,17 @@ fn aperture<'a>(
         None => Some(bounds),
         Some(behind) => behind?.bounds_behind(&bounds, origin),
     };
-    let [for_window, for_pane] = effort.rays_for;
-    let rays = |own: u32| f64::from(own.max(effort.rays));
+    let assumed = assumed_density(scene, point, light, pane_index, effort);
     match bounds.filter(|_| !covers(&LightRegion::of_light(source), pane, point.position)) {
         Some(bounds) => {
             let window = Window::new(&side, origin, &bounds)?;
-            let (outline, rect) = (*window.outline(), window.rect());
-            let area = outline.shape(rect).map_or(0.0, |shape| shape.area());
-            // A window that is much larger than the light is cut down to some of its parts.
-            let gain = (window.spread() / (window.deflection().extent() * SETTLED)).max(DVec2::ONE).element_product();
-            let gain = gain.sqrt().clamp(1.0, effort.parts as f64);
-            let solid_angle = area * solid_angle(&side, origin, rect.centre());
-            let assumed = if solid_angle > 0.0 { rays(for_window) * gain / solid_angle } else { 0.0 };
+            let outline = *window.outline();
+            if effort.is_beside_search
+                && let Some(certificate) = Certificate::new(&window, &bounds, counters)
+            {
+                let aperture = PaneAperture { pane: pane_index, side, origin, outline, assumed };
+                return Some((aperture, Extent::Searched(window, certificate)));
+            }
             Some((PaneAperture { pane: pane_index, side, origin, outline, assumed }, Extent::Window(window)))
         }
         None => {
@@ -126,27 +147,12 @@ fn aperture<'a>(
             let rect = *outline.rect();
             let widened = outline.widened();
             let weight = widened.area() * solid_angle(&side, origin, rect.centre());
-            let assumed = if weight > 0.0 { rays(for_pane) / weight } else { 0.0 };
             Some((
                 PaneAperture { pane: pane_index, side, origin, outline, assumed },
                 Extent::Pane { rect, widened, weight },
             ))
         }
     }
-}
-
-/// About how densely the rays of a view go through a pane, for each unit of solid angle: of its window and the light
-/// alone. The exact density depends on all panes. Weights that techniques share a path by may be any function of the
-/// path, and this one costs little.
-pub(super) fn assumed_density(
-    scene: &Scene,
-    point: &ShadingPoint,
-    light: u32,
-    pane: u32,
-    second: Option<&SecondPanes>,
-) -> f64 {
-    let found = aperture(scene, point, light, pane, &Effort::at(point), second);
-    found.map_or(0.0, |(aperture, _)| aperture.assumed)
 }
 
 /// A part of the deflection window of an aperture.
@@ -181,7 +187,7 @@ pub(super) struct LightSample {
 }
 
 /// Slopes that spread the end points by less than this part of the light's extent are not worth telling apart.
-const SETTLED: f64 = 0.5;
+pub(super) const SETTLED: f64 = 0.5;
 
 /// A pane is smaller than a light if its angular radius is less than this part of the light's.
 const COVERED: f64 = 0.7;
@@ -198,6 +204,7 @@ impl<'a> LightView<'a> {
         light: u32,
         effort: &Effort,
         second: Option<&'a SecondPanes>,
+        counters: &mut Counters,
     ) -> Self {
         let source = &scene.lights()[light as usize];
         let region = LightRegion::of_light(source);
@@ -208,12 +215,17 @@ impl<'a> LightView<'a> {
         };
         let mut apertures = Vec::with_capacity(candidates.len());
         let mut patches = Vec::with_capacity(candidates.len());
-        let mut windows = Vec::new();
+        let (mut searched, mut windows) = (Vec::new(), Vec::new());
         for index in candidates.into_iter().filter(|index| !scene.media().is_immersed(*index)) {
-            let Some((aperture, extent)) = aperture(scene, point, light, index, effort, second) else { continue };
+            let Some((aperture, extent)) = aperture(scene, point, light, index, effort, second, counters) else {
+                continue;
+            };
             let index_of = apertures.len();
             match extent {
                 Extent::Window(window) => windows.push((index_of, window)),
+                Extent::Searched(window, certificate) => {
+                    searched.push(SearchedWindow { pane: index, window, certificate });
+                }
                 Extent::Pane { rect, widened, weight } => {
                     patches.push(Patch { aperture: index_of, rect, glass: GlassOfPatch::Pane(widened), weight });
                 }
@@ -236,7 +248,7 @@ impl<'a> LightView<'a> {
             let at = apertures[0].side.pane.frame.vector_to_local(at).truncate();
             Weighted { index, at, weight: patch.weight }
         }));
-        Self { scene, point, light, second, apertures, patches, warp, rays }
+        Self { scene, point, light, second, apertures, searched, patches, warp, rays }
     }
 
     /// Sends the rays; whatever sees the light is handed to `see`.
@@ -265,6 +277,16 @@ impl<'a> LightView<'a> {
     /// The panes through which light may come.
     pub(super) fn panes(&self) -> impl Iterator<Item = u32> {
         self.apertures.iter().map(|aperture| aperture.pane)
+    }
+
+    /// Those of them that get no rays.
+    pub(super) fn searched(&self) -> &[SearchedWindow<'a>] {
+        &self.searched
+    }
+
+    /// As [`assumed_density`], for a pane of the view.
+    pub(super) fn assumed(&self, pane: u32) -> f64 {
+        self.apertures.iter().find(|aperture| aperture.pane == pane).map_or(0.0, |aperture| aperture.assumed)
     }
 
     /// Expected number of rays for each unit of solid angle towards a place of a pane's near plane.

@@ -21,17 +21,22 @@ const OTHER_THAN_TT: &str = ".*D([RT]|[RT]*R[RT]*|TTT+)L";
 pub(super) const THROUGH_ONE_PANE: &str = ".*DTTL";
 
 /// A class of paths.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PathClass {
     /// In words.
     pub(crate) text: String,
     /// A path expression that all of them match.
     pub(crate) paths: String,
+    /// At most about this part of all light comes by them where panes are flat.
+    pub(crate) estimate: f64,
 }
+
+/// Light that comes late is announced if more than this part of all light may be among it.
+pub(crate) const ANNOUNCED: f64 = 0.0005;
 
 impl PathClass {
     pub(super) fn new(text: impl Into<String>, paths: impl Into<String>) -> Self {
-        Self { text: text.into(), paths: paths.into() }
+        Self { text: text.into(), paths: paths.into(), estimate: 1.0 }
     }
 
     /// What light subpaths leave of paths over panes to a surface. They find a path by an edge between two surfaces, or
@@ -39,7 +44,7 @@ impl PathClass {
     pub(crate) fn seen_over_glass(self) -> Self {
         let text = format!("{}, which the camera sees through or off glass", self.text);
         let paths = self.paths.replacen(".*D", "[RT]+(D[RT]+)*D", 1);
-        Self { text, paths }
+        Self { text, paths, ..self }
     }
 }
 
@@ -108,7 +113,8 @@ pub(super) fn between_the_faces(of: &str, grazing: Option<f64>) -> PathClass {
     let text = format!(
         "light of {of} through a pane{grazing} to a surface that lies between the pane's highest and lowest point"
     );
-    PathClass::new(text, ".*D[RT]*T[RT]*L")
+    // Between the faces of a flat pane is no place, and of even light so much comes at less than that angle.
+    PathClass { estimate: GRAZING_COSINE * GRAZING_COSINE, ..PathClass::new(text, ".*D[RT]*T[RT]*L") }
 }
 
 /// What a selection of panes loses.

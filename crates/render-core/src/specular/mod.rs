@@ -8,10 +8,13 @@
 //! environment is found in one way beside all methods (`environment`). Which paths a method owns, and the path tracer
 //! therefore leaves to it, is a function of the path ([`coverage`]).
 
+mod assumed_density;
 pub mod auto;
 mod block_tridiagonal;
+mod bounded;
 pub mod cache;
 mod caster;
+mod certificate;
 mod chain;
 pub mod cone;
 pub mod conic;
@@ -87,7 +90,7 @@ pub struct SampledPath {
     pub exit: Ray,
     /// Where it meets the light.
     pub hit: LightHit,
-    /// The fraction of the light that the faces let through, without what the glass absorbs.
+    /// The fraction of the light that the faces let through or mirror, without what the glass absorbs.
     pub transmitted: f64,
 }
 

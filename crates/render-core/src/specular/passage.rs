@@ -6,11 +6,11 @@ use glam::DVec3;
 use super::fermat::Connection;
 use super::newton::Root;
 use super::side::{PaneSide, Transmission};
-use super::{Arrival, coverage};
+use super::{Arrival, SampledPath, coverage};
 use crate::scene::ShadingPoint;
 use crate::{
     geometry::{Ray, SurfaceId},
-    light::SourceSample,
+    light::{LightHit, SourceSample},
     scene::Scene,
 };
 use clerestory_film::counters::Counters;
@@ -36,7 +36,7 @@ pub(crate) struct Passage<'a> {
 
 /// Light along a path that was found.
 pub(crate) struct Found {
-    /// What arrives, if the path is found with certainty.
+    /// What arrives, if the path is found with certainty. Who looked for it knows the density of the path.
     pub(crate) arrival: Arrival,
     /// Solid angle at the shading point per area (or solid angle) of the light.
     pub(crate) factor: f64,
@@ -91,7 +91,10 @@ impl<'a> Passage<'a> {
         counters.unique_solutions += 1;
         let factor = root.path.geometry_factor(root.determinant) * light_cosine;
         let weight = self.sample.weight * through.transmittance * (factor * falloff);
-        Some(Found { arrival: Arrival { direction, weight, path: None }, factor })
+        let hit = LightHit { distance: root.path.lengths[2], radiance: DVec3::ZERO, triangle: sample.triangle };
+        let path =
+            SampledPath { density: 0.0, surface: ray_origin, exit: outside, hit, transmitted: through.transmitted };
+        Some(Found { arrival: Arrival { direction, weight, path: Some(path) }, factor })
     }
 }
 

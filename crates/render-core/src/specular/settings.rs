@@ -12,22 +12,10 @@ use crate::settings::{Check, JsonPath};
 pub enum LightSubpaths {
     /// Nothing.
     None,
-    /// Camera samples are connected to them, and the light plane has one for each camera sample. They share paths with
-    /// other techniques.
+    /// They share paths with other techniques. How many there are for each camera sample a pilot tells.
     Shared,
     /// The light plane has this number for each camera sample, and what it finds is left to it alone.
     Alone(u32),
-}
-
-impl LightSubpaths {
-    /// Light subpaths of the light plane for each camera sample.
-    pub fn splatted(self) -> u32 {
-        match self {
-            Self::None => 0,
-            Self::Shared => 1,
-            Self::Alone(subpaths) => subpaths,
-        }
-    }
 }
 
 /// The settings of an integrator in the scene file, which is path tracing with a specular method.

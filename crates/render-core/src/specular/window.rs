@@ -100,6 +100,11 @@ impl<'a> Window<'a> {
         &self.rect
     }
 
+    /// The shading point, in the pane's frame.
+    pub(super) fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
     /// How far an end point may be off because the slopes vary over the window: [`Part::spread`], or more.
     pub(super) fn spread(&self) -> DVec2 {
         self.spread

@@ -78,22 +78,19 @@ pub(in crate::integrator) struct PlaceOnFace {
 }
 
 impl Starts {
-    /// The starts of a scene; `None` where there are none. The light of points through panes is among them if
-    /// `with_points`.
-    pub(in crate::integrator) fn new(scene: &Scene, with_points: bool) -> Option<Self> {
+    /// The starts of a scene; `None` where there are none.
+    pub(in crate::integrator) fn new(scene: &Scene) -> Option<Self> {
         let faces = FACES.len() * scene.panes().len();
         let slots = faces + 1;
         let mut brought = vec![0.0; slots * scene.lights().len()];
         let mut even = vec![0.0; brought.len()];
         for (light, source) in (0u32..).zip(scene.lights()) {
             let of_light = light as usize * slots;
-            if with_points || !source.is_delta() {
-                for pane in (0..scene.panes().len() as u32).filter(|pane| !scene.media().is_immersed(*pane)) {
-                    for (number, face) in FACES.into_iter().enumerate() {
-                        let place = of_light + FACES.len() * pane as usize + number;
-                        even[place] = scene.panes()[pane as usize].outline.area();
-                        brought[place] = brought_to(scene, light, (pane, face));
-                    }
+            for pane in (0..scene.panes().len() as u32).filter(|pane| !scene.media().is_immersed(*pane)) {
+                for (number, face) in FACES.into_iter().enumerate() {
+                    let place = of_light + FACES.len() * pane as usize + number;
+                    even[place] = scene.panes()[pane as usize].outline.area();
+                    brought[place] = brought_to(scene, light, (pane, face));
                 }
             }
             let kept = kept(scene, light, source);
@@ -179,7 +176,8 @@ impl Starts {
         let pane = &scene.panes()[index as usize];
         let at = pane.frame.point_to_local(to_light.origin).truncate();
         let (_, gradient) = pane.surface(face).slope(at);
-        let cosine = cosine(gradient, pane.frame.vector_to_local(to_light.direction)).abs();
+        let local = pane.frame.vector_to_local(to_light.direction);
+        let Some(cosine) = facing(face, gradient, local) else { return 0.0 };
         let (met, light_cosine) = source.source_at(to_light, hit);
         let (centre, radius) = scene.specular_ball();
         let spread = match met {
@@ -256,12 +254,7 @@ fn on_face(scene: &Scene, light: u32, (pane, face): (u32, Face), stream: &mut Sa
             (direction, distance, sample.cosine(direction) / (distance * distance))
         }
     };
-    let outwards = if face == Face::Front { -1.0 } else { 1.0 };
-    let local = geometry.frame.vector_to_local(direction);
-    let cosine = cosine(gradient, local) * outwards;
-    if !(cosine > 0.0 && local.z * outwards > 0.0 && spread > 0.0) {
-        return None;
-    }
+    let cosine = facing(face, gradient, geometry.frame.vector_to_local(direction)).filter(|_| spread > 0.0)?;
     let passed = spread * geometry.outline.area() * cosine;
     let falloff = source.falloff(direction);
     if falloff == 0.0 {
@@ -276,7 +269,10 @@ fn on_face(scene: &Scene, light: u32, (pane, face): (u32, Face), stream: &mut Sa
     })
 }
 
-/// The cosine between a direction and a face's unnormalised normal, times the length of that.
-fn cosine(gradient: DVec2, direction: DVec3) -> f64 {
-    DVec3::new(-gradient.x, -gradient.y, 1.0).dot(direction)
+/// The cosine between the direction of a light and a face's unnormalised normal, times the length of that; `None` where
+/// the light is behind the face or its plane. All in the pane's frame.
+fn facing(face: Face, gradient: DVec2, to_light: DVec3) -> Option<f64> {
+    let outwards = if face == Face::Front { -1.0 } else { 1.0 };
+    let cosine = DVec3::new(-gradient.x, -gradient.y, 1.0).dot(to_light) * outwards;
+    (cosine > 0.0 && to_light.z * outwards > 0.0).then_some(cosine)
 }

@@ -2,8 +2,6 @@
 
 use clerestory_film::TileGrid;
 
-use crate::specular::settings::LightSubpaths;
-
 /// Light subpaths of the light plane, as the weights of techniques see them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightPlane {
@@ -17,10 +15,10 @@ pub(super) struct LightPlane {
 const ALL: f64 = 1e100;
 
 impl LightPlane {
-    pub(super) fn new(settings: LightSubpaths, grid: &TileGrid) -> Self {
-        let for_each = if grid.has_light_plane { settings.splatted() } else { 0 };
+    /// With so many light subpaths for each camera sample. What they find is theirs alone if `is_alone`.
+    pub(super) fn new(splats: u32, is_alone: bool, grid: &TileGrid) -> Self {
+        let for_each = if grid.has_light_plane { splats } else { 0 };
         let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);
-        let is_alone = matches!(settings, LightSubpaths::Alone(_)) && grid.has_light_plane;
-        Self { subpaths, shared_by: if is_alone { ALL } else { subpaths } }
+        Self { subpaths, shared_by: if is_alone && for_each > 0 { ALL } else { subpaths } }
     }
 }

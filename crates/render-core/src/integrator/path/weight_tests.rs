@@ -117,25 +117,30 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
         let [before, vertex] = [&vertices[number - 1], &vertices[number]];
         let [of_camera, of_light] = before.densities();
         let cosines = [before.cosines()[1], vertex.cosines()[0]];
-        let edge = Edge { straight: Some(squared(number - 1)), cosines, pdf: of_camera };
+        let straight = tracer.is_connected.then(|| squared(number - 1));
+        let edge = Edge { straight, cosines, pdf: of_camera };
         by_light.push(FromCamera::behind(&edge, by_light[number - 1].total(|| of_light)));
     }
     let last = vertices.len() - 1;
-    let mut shares: Vec<f64> = (0..last)
+    let connections = if tracer.is_connected { last } else { 0 };
+    // What a method shares with none, light subpaths leave to it.
+    let shares: Option<Vec<f64>> = (0..connections)
         .map(|number| {
             let [here, next] = [&vertices[number], &vertices[number + 1]];
             let [of_camera, of_light] = here.densities();
             let in_subpath = last - number - 1;
-            let by_camera = tracer.by_camera(subpath, in_subpath, next.towards[0], last as u32, counters);
-            let from = [(by_light[number].total(|| of_light), of_camera), (by_camera.unwrap(), next.densities()[1])];
-            connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from)
+            let by_camera = tracer.by_camera(subpath, in_subpath, next.towards[0], last as u32, counters)?;
+            let from = [(by_light[number].total(|| of_light), of_camera), (by_camera, next.densities()[1])];
+            Some(connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from))
         })
         .collect();
+    let mut shares = shares?;
     if splats > 0.0 {
         let [here, next] = [&vertices[0], &vertices[1]];
-        let by_camera = tracer.by_camera(subpath, last - 1, next.towards[0], last as u32, counters).unwrap();
+        let by_camera = tracer.by_camera(subpath, last - 1, next.towards[0], last as u32, counters)?;
         let cosines = [next.cosines()[0], here.cosines()[1]];
-        let edge = Edge { straight: Some(squared(0)), cosines, pdf: next.densities()[1] };
+        let straight = tracer.is_connected.then(|| squared(0));
+        let edge = Edge { straight, cosines, pdf: next.densities()[1] };
         let by_camera = FromLight::behind(&edge).total(here.densities()[0], by_camera);
         shares.push(splat_share(splats, seen, by_camera));
     }
@@ -157,8 +162,12 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
         by_light: by_light[last].total(|| of_light),
     };
     let to_light = Ray::new(start.ray.origin, -start.ray.direction);
-    let of_end = if let Some(PlaceOnFace { pane, face, sample, .. }) = start.on {
-        let hit = source.intersect(&to_light)?;
+    let of_end = if let Some(PlaceOnFace { pane, face, sample, distance, .. }) = start.on {
+        let hit = if source.is_delta() {
+            LightHit { distance, radiance: DVec3::ONE, triangle: None }
+        } else {
+            source.intersect(&to_light)?
+        };
         let links = subpath.links.clone();
         let path = SpecularPath {
             light,
@@ -184,6 +193,8 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
             };
             let asked = tracer.scene.light_sampler().probability(light, &receiver);
             tracer.share_of_method(&arrival, light, asked, &lobe)
+        } else if source.is_delta() {
+            0.0
         } else {
             let mut walk = Walk {
                 ray: to_light,
@@ -212,6 +223,45 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
     Some(shares)
 }
 
+/// What is known of the shares in paths of which light subpaths have found a part.
+#[derive(Debug, Default)]
+struct Found {
+    /// How many paths have so many techniques.
+    techniques: [u32; 8],
+    /// The smallest of the largest shares.
+    smallest: f64,
+    /// How many paths lead straight to a light, through each pane once, and otherwise through panes.
+    kinds: [u32; 3],
+}
+
+/// Checks that the shares of all techniques sum to one, path by path.
+#[track_caller]
+fn check(scene: &Value, panes: usize, has_light_plane: bool, allocation: Allocation) -> Found {
+    let scene = prepared(scene);
+    let grid = TileGrid::new(4, 4, 4).with_light_plane(has_light_plane);
+    let tracer = PathTracer::with(&scene, &grid, allocation);
+    let settings = SamplerSettings { seed: 3, samples_per_block: 4096 };
+    let mut found = Found { smallest: 1.0, ..Found::default() };
+    for sample in 0..4096 {
+        let counters = &mut Counters::default();
+        let stream = &mut SampleStream::new(&settings, 0, [1, 2], sample);
+        let position = stream.next_2d() * 4.0;
+        let ray = tracer.scene.camera().ray(position);
+        for subpath in tracer.light_subpath(stream, counters) {
+            let Some(shares) = shares(&tracer, &ray, &subpath) else { continue };
+            let sum: f64 = shares.iter().sum();
+            assert!((sum - 1.0).abs() < 1e-6, "{sum} {shares:?} {:?} {:?}", subpath.links, subpath.start);
+            found.techniques[shares.len().min(7)] += 1;
+            let largest = shares.iter().copied().fold(0.0, f64::max);
+            found.smallest = found.smallest.min(largest);
+            let kind = if subpath.links.is_empty() { 0 } else { 1 + usize::from(subpath.links.len() > 2 * panes) };
+            found.kinds[kind] += 1;
+        }
+    }
+    println!("{panes} panes: {found:?}");
+    found
+}
+
 #[test]
 fn shares_of_all_techniques_in_a_path_sum_to_one() {
     let sun = json!({"sun": {"name": "sun", "direction": [1, 0.3, 0.7], "angular_radius": 0.5, "radiance": [9, 9, 9]}});
@@ -223,31 +273,39 @@ fn shares_of_all_techniques_in_a_path_sum_to_one() {
         "name": "panel", "centre": [0.2, 0, 2.9], "edge_u": [0, 0.6, 0], "edge_v": [0.8, 0, 0],
         "radiance": [1, 1, 1]}});
     for (panes, has_light_plane) in [(1, false), (1, true), (2, true)] {
-        let scene = prepared(&room(&json!([sun, lamp, sky, bulb, spark, panel]), panes));
-        let grid = TileGrid::new(4, 4, 4).with_light_plane(has_light_plane);
-        let tracer = PathTracer::new(&scene, &grid);
-        let settings = SamplerSettings { seed: 3, samples_per_block: 4096 };
-        let (mut lengths, mut smallest, mut kinds) = ([0; 8], 1.0_f64, [0; 3]);
-        for sample in 0..4096 {
-            let counters = &mut Counters::default();
-            let stream = &mut SampleStream::new(&settings, 0, [1, 2], sample);
-            let position = stream.next_2d() * 4.0;
-            let ray = tracer.scene.camera().ray(position);
-            for subpath in tracer.light_subpath(stream, counters) {
-                let Some(shares) = shares(&tracer, &ray, &subpath) else { continue };
-                let sum: f64 = shares.iter().sum();
-                assert!((sum - 1.0).abs() < 1e-6, "{sum} {shares:?} {:?}", subpath.links);
-                lengths[shares.len().min(7)] += 1;
-                let largest = shares.iter().copied().fold(0.0, f64::max);
-                smallest = smallest.min(largest);
-                let kind = if subpath.links.is_empty() { 0 } else { 1 + usize::from(subpath.links.len() > 2 * panes) };
-                kinds[kind] += 1;
-            }
-        }
-        println!("{panes} panes: {lengths:?} {smallest} {kinds:?}");
+        let scene = room(&json!([sun, lamp, sky, bulb, spark, panel]), panes);
+        let found = check(&scene, panes, has_light_plane, Allocation::USUAL);
         // Paths of two to four vertices, straight from lights, by methods and by chance; no technique has all of one.
         let first = 2 + usize::from(has_light_plane);
-        assert!(lengths[first..first + 3].iter().all(|count| *count > 20) && kinds.iter().all(|count| *count > 5));
-        assert!(smallest < 0.7, "{smallest}");
+        let techniques = &found.techniques[first..first + 3];
+        assert!(techniques.iter().chain(&found.kinds).all(|count| *count > 5), "{found:?}");
+        assert!(found.smallest < 0.7, "{found:?}");
+    }
+}
+
+#[test]
+fn shares_sum_to_one_where_a_search_finds_the_light() {
+    let sun = json!({"sun": {"name": "sun", "direction": [1, 0.3, 0.7], "angular_radius": 0.5, "radiance": [9, 9, 9]}});
+    let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.01, "radiance": [9, 9, 9]}});
+    let candle = json!({"point": {"name": "candle", "position": [4, -1, 2], "intensity": [1, 1, 1]}});
+    let inside = json!({"point": {"name": "inside", "position": [1, 0.5, 1.2], "intensity": [1, 1, 1]}});
+    let star = json!({"sphere": {"name": "star", "centre": [4, -1, 2], "radius": 2e-4, "radiance": [9e4, 9e4, 9e4]}});
+    let gentle = |lights: &Value| {
+        let mut scene = room(lights, 1);
+        let face = |seed: usize| json!({"hammered": {"wavelength": 0.2, "amplitude": 2e-5, "seed": seed}});
+        (scene["panes"][0]["front"], scene["panes"][0]["back"]) = (face(1), face(2));
+        scene
+    };
+    let many = Allocation { splats: 4, ..Allocation::USUAL };
+    let splats = Allocation { splats: 16, is_connected: false, ..Allocation::USUAL };
+    for (lights, allocation) in [
+        (json!([sun, lamp]), Allocation::USUAL),
+        (json!([sun, lamp]), many),
+        (json!([candle, inside]), Allocation::USUAL),
+        (json!([candle, star, sun]), splats),
+    ] {
+        let found = check(&gentle(&lights), 1, true, allocation);
+        assert!(found.kinds[1] > 100 && found.kinds[2] > 0, "{found:?}");
+        assert!(found.smallest < 0.9, "{found:?}");
     }
 }

@@ -25,8 +25,8 @@ const MOST_NAMES: usize = 3;
 /// The methods among which is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Best {
-    /// Rays towards the light.
-    Cone,
+    /// Rays towards the light, and a search where a pane shows each point of it once at the most.
+    Rays,
     /// A search through and off panes.
     Fnee,
     /// All paths over one mesh.
@@ -62,7 +62,7 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
         let mut add = |method, lights, chain| {
             choices.push(Choice { method, lights, chains: vec![chain], casters: Vec::new() });
         };
-        add(Best::Cone, is_met, "TT");
+        add(Best::Rays, is_met, "TT");
         add(Best::Fnee, is_searched, "TT");
         add(Best::Fnee, is_seldom_met, "R");
     }
@@ -105,7 +105,7 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
         add(Best::Sms, &seldom, if bodies.is_empty() { &[] } else { &["RTT"] }, &mirrors);
     }
     choices.retain(|choice| {
-        let has_things = !choice.casters.is_empty() || matches!(choice.method, Best::Cone | Best::Fnee);
+        let has_things = !choice.casters.is_empty() || matches!(choice.method, Best::Rays | Best::Fnee);
         has_things && !choice.chains.is_empty() && choice.lights.contains(&true)
     });
     choices
@@ -184,7 +184,7 @@ impl Choice {
         let lights: Vec<&str> = lit.map(|(light, _)| light.name.as_str()).collect();
         let lights = list(&lights, scene.lights().len(), "lights");
         let (method, over) = match self.method {
-            Best::Cone => ("cone", "through panes".to_owned()),
+            Best::Rays => ("cone", "through panes, and fnee where one path is all".to_owned()),
             Best::Fnee if self.chains == ["R"] => ("fnee", "off the outside of panes".to_owned()),
             Best::Fnee => ("fnee", "through panes".to_owned()),
             Best::Conic => ("conic", self.over(scene)),
@@ -307,7 +307,7 @@ mod tests {
         }
         let [pane, closed, water, mirror] = [Caster::Pane(0), Caster::Mesh(0), Caster::Mesh(1), Caster::Mesh(2)];
         let through = |light| methods(&scene, light, pane, "TT");
-        assert_eq!([GLOBE, CANDLE, SUN].map(through), [[Best::Cone]; 3]);
+        assert_eq!([GLOBE, CANDLE, SUN].map(through), [[Best::Rays]; 3]);
         assert_eq!([SPARK, POINT].map(through), [[Best::Fnee]; 2]);
         for light in [GLOBE, CANDLE, SPARK, SUN, POINT] {
             assert_eq!(methods(&scene, light, water, "T"), [Best::Conic]);
@@ -377,7 +377,7 @@ mod tests {
     fn what_is_chosen_is_told_with_names() {
         let scene = scene(&[pane("left", [0.0, 1.0])]);
         let told: Vec<String> = choose(&scene).iter().map(|choice| choice.describe(&scene)).collect();
-        assert_eq!(told[0], "cone finds light of \"globe\", \"candle\", \"sun\" through panes");
+        assert_eq!(told[0], "cone finds light of \"globe\", \"candle\", \"sun\" through panes, and fnee where one path is all");
         assert_eq!(told[1], "fnee finds light of \"spark\", \"point\" through panes");
         assert_eq!(told[2], "fnee finds light of 4 lights off the outside of panes");
         assert!(told.contains(&"conic finds light of all lights over \"water\" (T, R)".to_owned()), "{told:#?}");

@@ -6,11 +6,11 @@
 
 mod choice;
 mod settings;
+mod through_panes;
 
 pub use settings::AutoSettings;
 
 use super::cache::MethodCache;
-use super::cone::Cone;
 use super::conic::{Conic, ConicSearch};
 use super::constraint::ManifoldConstraint;
 use super::fnee::{Fnee, FneeSettings};
@@ -24,6 +24,7 @@ use crate::scene::ShadingPoint;
 use choice::{Best, Choice, choose};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
+use through_panes::ThroughPanes;
 
 /// The search through panes, and off them.
 const FNEE: FneeSettings = FneeSettings { reflected: true, ..FneeSettings::USUAL };
@@ -51,7 +52,7 @@ impl Part {
     fn new(scene: &Scene, choice: &Choice, cache: &MethodCache) -> Self {
         let scope = || Scope::over(scene, &choice.chains, choice.casters.clone());
         let method: Box<dyn SpecularMethod> = match choice.method {
-            Best::Cone => Box::new(Cone),
+            Best::Rays => Box::new(ThroughPanes::new(&FNEE)),
             Best::Fnee => Box::new(Fnee::from(&FNEE)),
             Best::Conic => Box::new(Conic::new(scene, ConicSearch::default(), scope(), cache)),
             Best::Sms => Box::new(Sms {

@@ -12,7 +12,8 @@ mod settings;
 
 pub use settings::ConeSettings;
 
-use super::light_view::{Effort, LightView, assumed_density};
+use super::assumed_density::assumed_density;
+use super::light_view::{Effort, LightView};
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
@@ -39,7 +40,7 @@ impl SpecularMethod for Cone {
         arrive: &mut dyn FnMut(Arrival),
     ) {
         let random = stream.next_2d();
-        let view = LightView::new(scene, point, light, &Effort::at(point), None);
+        let view = LightView::new(scene, point, light, &Effort::at(point), None, counters);
         view.cast(random, counters, &mut |light_sample, _| arrive(light_sample.arrival));
     }
 
@@ -49,6 +50,6 @@ impl SpecularMethod for Cone {
 
     fn density(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> Option<f64> {
         let pane = coverage::through_one_pane(scene, point, path)?;
-        Some(assumed_density(scene, point, path.light, pane, None))
+        Some(assumed_density(scene, point, path.light, pane, &Effort::at(point)))
     }
 }

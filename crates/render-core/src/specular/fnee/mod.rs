@@ -22,6 +22,7 @@
 //!
 //! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
 
+mod density;
 mod reflection;
 mod settings;
 mod solver;
@@ -34,17 +35,19 @@ use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
 
 use self::reflection::Reflections;
+use super::assumed_density::assumed_density;
 use super::caster::Caster;
 use super::enumeration::{Enumeration, enumerate};
 use super::fermat::Connection;
-use super::light_view::{Effort, LightSample, LightView, PaneAperture};
+use super::light_view::{Effort, LightSample, LightView};
 use super::newton::{Root, SearchRegion, solve_complete, solve_published};
 use super::passage::{Found, Passage, transmission};
 use super::selection::Choice;
 use super::side::{PaneSide, Transmission};
 use super::trials::RandomSearch;
 use super::window::{SourceBounds, Window};
-use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
+use super::{Arrival, Link, SampledPath, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
+use crate::geometry::SurfaceId;
 use crate::light::{Source, SourceSample};
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
@@ -178,19 +181,24 @@ impl SpecularMethod for Fnee {
                     solver: self.solver,
                     max_trials: self.max_trials,
                 };
-                search.sample_li(pane, &mut trials, counters, arrive);
+                search.sample_li(pane, &mut trials, counters, &mut |arrival| {
+                    arrive(Arrival { path: arrival.path.filter(|_| self.combines()), ..arrival });
+                });
             }
             return;
         }
         let random = stream.next_2d();
         let is_met = !source.is_delta();
-        let view = (is_met && self.combines()).then(|| LightView::new(scene, point, light, &Effort::at(point), None));
+        let effort = self.effort(point);
+        let view =
+            (is_met && self.combines()).then(|| LightView::new(scene, point, light, &effort, None, counters));
         if let Some(view) = &view {
-            view.cast(random, counters, &mut |light_sample, aperture| {
-                let share = light_sample.density
-                    / (light_sample.density + density_of_light_sample(scene, light, &light_sample, aperture));
-                let Arrival { direction, weight, .. } = light_sample.arrival;
-                arrive(Arrival { direction, weight: weight * share, path: None });
+            view.cast(random, counters, &mut |LightSample { arrival, density, through, exit, hit }, aperture| {
+                let vertices = [through.entry, through.exit];
+                let found =
+                    density::through_pane(scene, light, &aperture.side, aperture.origin, vertices, (&exit, &hit));
+                let path = arrival.path.map(|path| SampledPath { density: path.density + found, ..path });
+                arrive(Arrival { weight: arrival.weight * (density / (density + found)), path, ..arrival });
             });
         }
         let choice = self.selection.choose(scene, point, &sample, panes.len(), stream, counters);
@@ -209,7 +217,8 @@ impl SpecularMethod for Fnee {
             let mut trials = stream.trials();
             let sampled = SampledLight { index: light, sample: &sample, view: view.as_ref() };
             self.connect(scene, point, &sampled, index, random, &mut trials, counters, &mut |arrival| {
-                arrive(Arrival { weight: arrival.weight * inverse_selection, ..arrival });
+                let path = arrival.path.filter(|_| self.combines());
+                arrive(Arrival { weight: arrival.weight * inverse_selection, path, ..arrival });
             });
         }
     }
@@ -221,28 +230,34 @@ impl SpecularMethod for Fnee {
         let Some(pane) = coverage::through_one_pane(scene, point, path) else { return false };
         self.selection.may_choose(scene, point, path, Caster::Pane(pane), counters)
     }
+
+    fn density(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        path: &SpecularPath<'_>,
+        _: &mut Counters,
+    ) -> Option<f64> {
+        if !self.combines() {
+            return None;
+        }
+        if let [Link { event: SpecularEvent::Reflection, surface: SurfaceId::Pane { index, face }, .. }] = path.links {
+            return density::of_path_off(scene, point, (*index, *face), path);
+        }
+        let pane = coverage::through_one_pane(scene, point, path)?;
+        let found = density::of_path_through(scene, point, pane, path)?;
+        if scene.lights()[path.light as usize].is_delta() {
+            return Some(found);
+        }
+        Some(found + assumed_density(scene, point, path.light, pane, &self.effort(point)))
+    }
 }
 
 /// A light, the point on it that was drawn, and the rays that are sent to it besides.
-struct SampledLight<'a> {
-    index: u32,
-    sample: &'a SourceSample,
-    view: Option<&'a LightView<'a>>,
-}
-
-/// Density per solid angle with which the search would have found the path of a light sample: that of its point on the
-/// light, over the geometry factor.
-fn density_of_light_sample(scene: &Scene, light: u32, light_sample: &LightSample, aperture: &PaneAperture<'_>) -> f64 {
-    let source = &scene.lights()[light as usize];
-    let (met, cosine) = source.source_at(&light_sample.exit, &light_sample.hit);
-    let (centre, radius) = scene.specular_ball();
-    let frame = &aperture.side.pane.frame;
-    let connection = Connection::new(&aperture.side, aperture.origin, met.in_frame(frame));
-    let theta = [light_sample.through.entry.truncate(), light_sample.through.exit.truncate()];
-    let path = connection.path(&theta, &mut Counters::default());
-    let factor = path.hessian().factorise().map(|hessian| path.geometry_factor(hessian.determinant) * cosine);
-    // On a fold itself the search finds nothing.
-    factor.map_or(0.0, |factor| source.source_density(centre, radius, met) / factor)
+pub(super) struct SampledLight<'a> {
+    pub(super) index: u32,
+    pub(super) sample: &'a SourceSample,
+    pub(super) view: Option<&'a LightView<'a>>,
 }
 
 impl Fnee {
@@ -252,9 +267,14 @@ impl Fnee {
         self.solver == FneeSolver::Complete && self.selection == PaneSelection::All
     }
 
+    /// The rays that are combined with the search. It goes through all panes, at all vertices.
+    fn effort(&self, point: &ShadingPoint) -> Effort {
+        Effort { is_beside_search: true, ..Effort::at(point) }
+    }
+
     /// Light from one source point through one pane.
     #[expect(clippy::too_many_arguments, reason = "one estimate depends on all of them, and none belong together")]
-    fn connect(
+    pub(super) fn connect(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
@@ -272,12 +292,12 @@ impl Fnee {
             let Found { arrival, factor } = passage.found(root, counters)?;
             let rays =
                 light.view.map_or(0.0, |view| view.density(index, search.window.place_of(root.path.vertices[0])));
-            let (centre, radius) = scene.specular_ball();
-            let found =
-                scene.lights()[light.index as usize].source_density(centre, radius, light.sample.source) / factor;
+            let found = density::of_light(scene, light.index, light.sample.source) / factor;
             // The balance heuristic (Veach and Guibas 1995); a point light is found by the search alone.
             let share = if rays > 0.0 { found / (found + rays) } else { 1.0 };
-            Some(Arrival { weight: arrival.weight * share, ..arrival })
+            let assumed = found + light.view.map_or(0.0, |view| view.assumed(index));
+            let path = arrival.path.map(|path| SampledPath { density: assumed, ..path });
+            Some(Arrival { weight: arrival.weight * share, path, ..arrival })
         };
         let Enumeration { roots: known, complete } = search.enumerate(counters);
         for root in &known {

@@ -19,10 +19,11 @@
 //! slopes of the relief can move that point. Some seeds lie anywhere, so paths outside the window have a probability as
 //! well.
 
+use super::density::of_light;
 use super::solver::FneeSolver;
 use glam::{DMat2, DVec2, DVec3};
 
-use super::super::Arrival;
+use super::super::{Arrival, SampledPath};
 use super::super::fermat::{inverse, normal, projector, pulled_back, second_derivatives};
 use super::super::newton::{
     MAX_ITERATIONS, PUBLISHED_ALPHA, PUBLISHED_BETA, PUBLISHED_GRADIENT, PUBLISHED_T_MIN, SHORTEST_STEP,
@@ -31,7 +32,7 @@ use super::super::side::{PaneSide, unit_normal};
 use super::super::trials::RandomSearch;
 use crate::bsdf::fresnel::refract;
 use crate::geometry::{PaneBoundary, Ray, Surface, SurfaceId, SurfaceJet};
-use crate::light::{Source, SourceSample};
+use crate::light::{LightHit, Source, SourceSample};
 use crate::math::Rect;
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
@@ -119,18 +120,7 @@ impl<'a> ReflectionSearch<'a> {
 
     fn path(&self, place: DVec2, counters: &mut Counters) -> ReflectedPath {
         counters.height_evaluations += 1;
-        let jet = self.side.near_surface().jet(place);
-        let vertex = place.extend(self.side.near_base() + jet.height);
-        let first = vertex - self.origin;
-        let (last, last_length) = match self.source {
-            Source::Point(point) => {
-                let last = point - vertex;
-                (last / last.length(), last.length())
-            }
-            Source::Direction(direction) => (direction, f64::INFINITY),
-        };
-        let lengths = [first.length(), last_length];
-        ReflectedPath { place, vertex, directions: [first / lengths[0], last], lengths, jet }
+        ReflectedPath::new(&self.side, self.origin, self.source, place)
     }
 
     fn solve_from(&self, seed: DVec2, counters: &mut Counters) -> Option<ReflectionRoot> {
@@ -245,8 +235,11 @@ impl<'a> ReflectionSearch<'a> {
         counters.unique_solutions += 1;
         let refraction = refract(first, unit_normal(jet.gradient), 1.0, geometry.index_of_refraction);
         let reflected = refraction.map_or(1.0, |refraction| refraction.fresnel.reflectance());
-        let factor = root.path.geometry_factor(root.determinant) * light_cosine * falloff;
-        Some(Arrival { direction, weight: sample.weight * (reflected * factor), path: None })
+        let factor = root.path.geometry_factor(root.determinant) * light_cosine;
+        let hit = LightHit { distance: lengths[1], radiance: DVec3::ZERO, triangle: sample.triangle };
+        let density = of_light(scene, light, sample.source) / factor;
+        let path = SampledPath { density, surface: ray_origin, exit, hit, transmitted: reflected };
+        Some(Arrival { direction, weight: sample.weight * (reflected * factor * falloff), path: Some(path) })
     }
 }
 
@@ -268,11 +261,27 @@ impl RandomSearch for ReflectionSearch<'_> {
 }
 
 impl ReflectedPath {
+    /// Over a place of the near face.
+    pub(super) fn new(side: &PaneSide<'_>, origin: DVec3, source: Source, place: DVec2) -> Self {
+        let jet = side.near_surface().jet(place);
+        let vertex = place.extend(side.near_base() + jet.height);
+        let first = vertex - origin;
+        let (last, last_length) = match source {
+            Source::Point(point) => {
+                let last = point - vertex;
+                (last / last.length(), last.length())
+            }
+            Source::Direction(direction) => (direction, f64::INFINITY),
+        };
+        let lengths = [first.length(), last_length];
+        Self { place, vertex, directions: [first / lengths[0], last], lengths, jet }
+    }
+
     fn gradient(&self) -> DVec2 {
         pulled_back(&self.jet, self.directions[0] - self.directions[1])
     }
 
-    fn hessian(&self) -> DMat2 {
+    pub(super) fn hessian(&self) -> DMat2 {
         let [a, w] = self.directions;
         projector(&self.jet, &self.jet, a) * (1.0 / self.lengths[0])
             + projector(&self.jet, &self.jet, w) * (1.0 / self.lengths[1])
@@ -285,7 +294,7 @@ impl ReflectedPath {
         self.lengths[0] + outside
     }
 
-    fn geometry_factor(&self, determinant: f64) -> f64 {
+    pub(super) fn geometry_factor(&self, determinant: f64) -> f64 {
         let [a, w] = self.directions;
         let [d0, d2] = self.lengths;
         let spread = if d2.is_finite() { d0 * d2 } else { d0 };

@@ -1,0 +1,313 @@
+//! How the effort of a camera sample is allocated between techniques: how many light subpaths of the light plane there
+//! are for each, and whether it is connected to one of its own.
+//!
+//! A pilot decides, which is a function of the scene alone: a small picture, with each of a few choices. Its random
+//! numbers are those of no frame. Its costs are counted and not timed. So every process decides alike, and a sample
+//! stays a function of the scene, the frame, the pixel and its number. The choice changes the noise of an image and
+//! not its mean, since the weights of techniques know it.
+
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings, TileGrid};
+use glam::{DVec2, DVec3};
+
+use super::path::PathTracer;
+use super::prepared::PreparedScene;
+
+/// How much each technique gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Allocation {
+    /// Light subpaths of the light plane for each camera sample.
+    pub(super) splats: u32,
+    /// Whether each camera sample is connected to a light subpath of its own.
+    pub(super) is_connected: bool,
+    /// Whether splats have all of the light that they find, so that no method looks for it.
+    pub(super) is_alone: bool,
+}
+
+impl Allocation {
+    /// No light subpaths.
+    pub(super) const NONE: Self = Self { splats: 0, is_connected: false, is_alone: false };
+
+    /// What is chosen where the pilot does not show that something else is better.
+    pub(super) const USUAL: Self = Self { splats: 1, is_connected: true, is_alone: false };
+
+    /// Light tracing alone, beside which camera samples find what it leaves.
+    pub(super) const fn alone(splats: u32) -> Self {
+        Self { splats, is_connected: false, is_alone: true }
+    }
+
+    /// The same on a film that may lack a light plane: then connections bring the light.
+    pub(super) fn on(self, grid: &TileGrid) -> Self {
+        if grid.has_light_plane || self.splats == 0 { self } else { Self { splats: 0, ..Self::USUAL } }
+    }
+
+    /// In words, for an image's metadata.
+    pub(super) fn describe(self) -> String {
+        let Self { splats, is_connected, is_alone } = self;
+        match (splats, is_connected) {
+            _ if is_alone => format!("{splats} light subpaths for each camera sample find most light, and chance the rest"),
+            (0, false) => "no light subpaths are traced: other methods have less noise".to_owned(),
+            (0, true) => "each camera sample is connected to a light subpath".to_owned(),
+            (_, false) => format!("{splats} light subpaths for each camera sample leave splats"),
+            (_, true) => format!(
+                "{splats} light subpaths for each camera sample leave splats, and it is connected to one of its own"
+            ),
+        }
+    }
+}
+
+/// The numbers of light subpaths among which is chosen.
+const SPLATS: [u32; 4] = [0, 1, 4, 16];
+
+/// Pixels of the pilot's picture, about.
+const PIXELS: f64 = 400.0;
+
+/// Samples of each pixel, and batches of light subpaths.
+const SAMPLES: u32 = 8;
+
+/// The frame whose random numbers the pilot has: no job has so many.
+const NO_FRAME: u32 = u32::MAX;
+
+/// Another choice has to be better than the usual one by this factor, as far as the pilot can tell.
+const BETTER: f64 = 1.2;
+
+/// As in the relative error of an image: this part of the mean, squared, is added to a pixel's square.
+const DARK: f64 = 0.01;
+
+/// What work takes, in microseconds, about.
+const COSTS: Costs = Costs { sample: 2.0, subpath: 0.2, ray: 0.6, height_evaluation: 0.4, solver_call: 2.0 };
+
+struct Costs {
+    sample: f64,
+    subpath: f64,
+    ray: f64,
+    height_evaluation: f64,
+    solver_call: f64,
+}
+
+impl Costs {
+    fn of(&self, counters: &Counters) -> f64 {
+        self.ray * counters.rays as f64
+            + self.height_evaluation * counters.height_evaluations as f64
+            + self.solver_call * counters.solver_calls as f64
+    }
+}
+
+/// The choice for a scene, of which the integrator shares paths with light subpaths.
+pub(super) fn allocate(prepared: &PreparedScene) -> Allocation {
+    let grid = prepared.description().grid(1);
+    let choices = choices(prepared, &grid);
+    let Some(first) = choices.first() else { return Allocation::NONE };
+    if choices.len() == 1 {
+        return *first;
+    }
+    if let Ok(forced) = std::env::var("ALLOC") {
+        let parts: Vec<u32> = forced.split(',').map(|part| part.parse().unwrap()).collect();
+        return Allocation { splats: parts[0], is_connected: parts[1] == 1, is_alone: parts[2] == 1 };
+    }
+    let start = std::time::Instant::now();
+    let pictures: Vec<Picture> = choices.iter().map(|choice| Picture::new(prepared, &grid, *choice)).collect();
+    let brightness = brightness(&pictures);
+    let noise: Vec<f64> = pictures.iter().map(|picture| picture.noise(&brightness)).collect();
+    // The first is the usual one.
+    let mut best = 0;
+    for other in 1..choices.len() {
+        let least = if best == 0 { noise[0] / (BETTER * BETTER) } else { noise[best] };
+        if noise[other] < least {
+            best = other;
+        }
+    }
+    for (choice, (picture, noise)) in choices.iter().zip(pictures.iter().zip(&noise)) {
+        let (a, b) = picture.parts(&brightness);
+        eprintln!("{choice:?} cost {:.2} us mse*c {:.3e} rel*c {:.3e} noise {noise:.3e}", picture.cost, a * picture.cost * 1e-6, b * picture.cost * 1e-6);
+    }
+    eprintln!("pilot {:?}, chosen {:?}", start.elapsed(), choices[best]);
+    choices[best]
+}
+
+/// What may be chosen, the usual choice first.
+fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
+    if prepared.starts().is_none() {
+        return Vec::new();
+    }
+    let most = if grid.has_light_plane { SPLATS.len() } else { 1 };
+    let usual = Allocation { splats: u32::from(grid.has_light_plane), ..Allocation::USUAL };
+    let scene = prepared.scene();
+    // Some of the light of points is found by light subpaths alone, and some by methods alone.
+    let has_points = !scene.panes().is_empty() && scene.lights().iter().any(|light| light.is_delta());
+    // Light subpaths do not go through them.
+    let has_meshes = scene.meshes().iter().any(|mesh| mesh.is_specular());
+    let mut choices = vec![usual];
+    for &splats in &SPLATS[..most] {
+        for is_connected in [true, false] {
+            let is_whole = is_connected && (splats > 0 || !grid.has_light_plane);
+            if is_whole || !has_points {
+                choices.push(Allocation { splats, is_connected, is_alone: false });
+            }
+        }
+        if splats > 1 && !has_points && !has_meshes {
+            choices.push(Allocation::alone(splats));
+        }
+    }
+    let others: Vec<_> = choices.drain(1..).filter(|other| *other != usual).collect();
+    choices.extend(others);
+    choices
+}
+
+/// The pilot's picture with one choice.
+struct Picture {
+    /// For each pixel, the mean.
+    means: Vec<DVec3>,
+    /// For each pixel, the variance of a sample with the light subpaths that come with it.
+    variances: Vec<DVec3>,
+    /// Of a sample, microseconds.
+    cost: f64,
+}
+
+impl Picture {
+    fn new(prepared: &PreparedScene, grid: &TileGrid, choice: Allocation) -> Self {
+        let tracer = PathTracer::with(prepared, grid, choice);
+        let (width, height) = (f64::from(grid.width), f64::from(grid.height));
+        let scale = (PIXELS / (width * height)).sqrt().min(1.0);
+        let [columns, rows] = [width, height].map(|edge| (edge * scale).round().max(1.0) as u32);
+        let pixels = columns * rows;
+        let seen = on_all_cores(pixels, |pixel| {
+            let [x, y] = [(pixel % columns, columns, width), (pixel / columns, rows, height)]
+                .map(|(index, count, edge)| ((f64::from(index) + 0.5) * edge / f64::from(count)) as u32);
+            camera_moments(prepared, &tracer, [x, y])
+        });
+        let mut counters = Counters::default();
+        let mut moments: Vec<Moments> = Vec::with_capacity(pixels as usize);
+        for (of_pixel, counted) in seen {
+            counters += counted;
+            moments.push(of_pixel);
+        }
+        let samples = f64::from(pixels * SAMPLES);
+        let mut cost = COSTS.sample + COSTS.of(&counters) / samples;
+        let mut splatted = vec![Moments::default(); pixels as usize];
+        if choice.splats > 0 {
+            let batches = on_all_cores(SAMPLES, |batch| {
+                let (mut sums, mut counters) = (vec![DVec3::ZERO; pixels as usize], Counters::default());
+                for number in 0..pixels {
+                    let mut stream = SampleStream::of_light(0, NO_FRAME, batch, number.into());
+                    tracer.splat(&mut stream, &mut counters, |splat| {
+                        let [column, row] = [(splat.pixel[0], columns, grid.width), (splat.pixel[1], rows, grid.height)]
+                            .map(|(place, count, edge)| (u64::from(place) * u64::from(count) / u64::from(edge)) as u32);
+                        sums[(row * columns + column) as usize] += splat.radiance;
+                    });
+                }
+                (sums, counters)
+            });
+            let mut counters = Counters::default();
+            for (sums, counted) in batches {
+                counters += counted;
+                for (moments, sum) in splatted.iter_mut().zip(sums) {
+                    moments.add(sum);
+                }
+            }
+            cost += f64::from(choice.splats) * (COSTS.subpath + COSTS.of(&counters) / samples);
+        }
+        // A batch has one light subpath for each sample, of as many as were chosen.
+        let splats = f64::from(choice.splats);
+        let means = moments.iter().zip(&splatted).map(|(camera, light)| camera.mean() + light.mean() * splats);
+        let variances =
+            moments.iter().zip(&splatted).map(|(camera, light)| camera.variance() + light.variance() * splats);
+        Self { means: means.collect(), variances: variances.collect(), cost }
+    }
+
+    fn parts(&self, brightness: &[DVec3]) -> (f64, f64) {
+        let count = brightness.len() as f64;
+        let mean = brightness.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * count);
+        let (mut squares, mut relative) = (0.0, 0.0);
+        for ((variance, found), pixel) in self.variances.iter().zip(&self.means).zip(brightness) {
+            // What has found nothing has no variance either.
+            let off = found - pixel;
+            let squared = variance + off * off * f64::from(SAMPLES);
+            squares += squared.element_sum();
+            relative += (squared / (pixel * pixel + DARK * mean * mean)).element_sum();
+        }
+        (squares / (3.0 * count), relative / (3.0 * count))
+    }
+
+    /// The squared error times cost, times the relative squared error times cost, over constants.
+    fn noise(&self, brightness: &[DVec3]) -> f64 {
+        let count = brightness.len() as f64;
+        let mean = brightness.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * count);
+        let (mut squares, mut relative) = (0.0, 0.0);
+        for ((variance, found), pixel) in self.variances.iter().zip(&self.means).zip(brightness) {
+            // What has found nothing has no variance either.
+            let off = found - pixel;
+            let squared = variance + off * off * f64::from(SAMPLES);
+            squares += squared.element_sum();
+            relative += (squared / (pixel * pixel + DARK * mean * mean)).element_sum();
+        }
+        let noise = squares * relative * self.cost * self.cost;
+        // Of a black picture there is nothing to tell.
+        if noise.is_finite() { noise } else { 0.0 }
+    }
+}
+
+/// Does pieces of work, and gives what comes of them in their order. It has threads of its own: a thread of the pool
+/// that waits for work may take up another node, which would wait for this pilot.
+fn on_all_cores<T: Send>(count: u32, work: impl Fn(u32) -> T + Sync) -> Vec<T> {
+    let threads = rayon::current_num_threads().min(count as usize).max(1);
+    let work = &work;
+    let done = std::thread::scope(|scope| {
+        let started: Vec<_> = (0..threads as u32)
+            .map(|thread| scope.spawn(move || (thread..count).step_by(threads).map(work).collect::<Vec<T>>()))
+            .collect();
+        started.into_iter().map(|thread| thread.join()).collect::<Vec<_>>()
+    });
+    let mut of_threads: Vec<_> = done
+        .into_iter()
+        .map(|done| done.unwrap_or_else(|panic| std::panic::resume_unwind(panic)).into_iter())
+        .collect();
+    (0..count as usize).filter_map(|piece| of_threads[piece % threads].next()).collect()
+}
+
+/// The median of all pictures, pixel by pixel: each has the same expectation, but some may have found nothing yet.
+fn brightness(pictures: &[Picture]) -> Vec<DVec3> {
+    let median = |pixel: usize, channel: usize| {
+        let mut values: Vec<f64> = pictures.iter().map(|picture| picture.means[pixel][channel]).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let pixels = pictures.first().map_or(0, |picture| picture.means.len());
+    (0..pixels).map(|pixel| DVec3::from([0, 1, 2].map(|channel| median(pixel, channel)))).collect()
+}
+
+/// What a pixel's camera samples see.
+fn camera_moments(prepared: &PreparedScene, tracer: &PathTracer<'_>, pixel: [u32; 2]) -> (Moments, Counters) {
+    let settings = SamplerSettings { seed: 0, samples_per_block: SAMPLES };
+    let (mut moments, mut counters) = (Moments::default(), Counters::default());
+    for sample in 0..SAMPLES {
+        let mut stream = SampleStream::new(&settings, NO_FRAME, pixel, sample);
+        let position = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + stream.next_2d();
+        let seen = tracer.sample(prepared.scene().camera().ray(position), &mut stream, &mut counters);
+        moments.add(seen.radiance);
+    }
+    (moments, counters)
+}
+
+/// Sums of [`SAMPLES`] values and of their squares.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    sum: DVec3,
+    squares: DVec3,
+}
+
+impl Moments {
+    fn add(&mut self, value: DVec3) {
+        self.sum += value;
+        self.squares += value * value;
+    }
+
+    fn mean(&self) -> DVec3 {
+        self.sum / f64::from(SAMPLES)
+    }
+
+    fn variance(&self) -> DVec3 {
+        let count = f64::from(SAMPLES);
+        ((self.squares - self.sum * self.sum / count) / (count - 1.0)).max(DVec3::ZERO)
+    }
+}
