@@ -190,6 +190,9 @@ pub struct JobView {
     /// Whether the film has a light plane, with as many samples as the pixels of the frame have.
     #[serde(default)]
     pub light_plane: bool,
+    /// Whether its image has the layer `caustic`: light that glass or water sends to a surface.
+    #[serde(default)]
+    pub caustic: bool,
     /// Samples per pixel in a pass.
     pub samples_per_pass: u32,
     /// Passes that each tile gets at most.

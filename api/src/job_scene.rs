@@ -25,6 +25,9 @@ pub struct JobScene {
     /// Whether the film has a light plane, whose tile is the whole frame and comes after the others.
     #[serde(default)]
     pub light_plane: bool,
+    /// Whether nodes have the layer `caustic`.
+    #[serde(default)]
+    pub caustic: bool,
     /// Passes that each tile gets.
     pub passes: u32,
 }

@@ -56,7 +56,7 @@ impl<'a> HandWorker<'a> {
         }
         let description = SceneDescription::parse(order.scene.to_string().as_bytes()).expect("a scene");
         let bundle = SceneBundle::from_parts(description, assets).expect("a scene with its files");
-        let grid = bundle.description().grid(order.tile_size);
+        let grid = bundle.description().grid(order.tile_size).with_caustic(order.caustic);
         Self {
             caller,
             id,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use clerestory_film::{ImageMetadata, TileGrid};
+use clerestory_film::{ImageLayers, ImageMetadata, TileGrid};
 use clerestory_render_core::document::{SamplingDescription, SceneBundle, SceneDescription};
 use clerestory_render_core::scene::description::FilmDescription;
 
@@ -50,7 +50,7 @@ pub(crate) fn recipe(bundle: SceneBundle, scene: &Path, image: &Path) -> Result<
             metadata.scene_hash
         )));
     }
-    let grid = grid(image, bundle.description(), metadata)?;
+    let grid = grid(image, bundle.description(), metadata, picture.layers())?;
     Ok(Recipe { bundle, grid, tile_passes: metadata.tile_passes.clone() })
 }
 
@@ -60,9 +60,15 @@ fn was_version_1(bundle: &SceneBundle, hash: &str) -> bool {
     bundle.clone().with_description(old).is_ok_and(|old| old.scene_hash().to_string() == hash)
 }
 
-/// How the film of an image was cut into tiles: the metadata may come from anyone. Earlier builds knew no light plane.
-fn grid(file: &Path, description: &SceneDescription, metadata: &ImageMetadata) -> Result<TileGrid, Failure> {
-    let grid = description.grid(metadata.tile_size.max(1));
+/// How the film of an image was cut into tiles: the metadata may come from anyone. Earlier builds knew no light plane,
+/// and no layer `caustic`.
+fn grid(
+    file: &Path,
+    description: &SceneDescription,
+    metadata: &ImageMetadata,
+    layers: &ImageLayers,
+) -> Result<TileGrid, Failure> {
+    let grid = description.grid(metadata.tile_size.max(1)).with_caustic(layers.caustic.is_some());
     let found = [grid, grid.with_light_plane(false)]
         .into_iter()
         .find(|grid| metadata.tile_passes.len() == grid.len() as usize)

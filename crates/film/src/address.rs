@@ -56,12 +56,15 @@ pub struct Tile {
     /// The plane.
     #[serde(default)]
     pub plane: Plane,
+    /// Whether its film has the layer `caustic`.
+    #[serde(default)]
+    pub has_caustic: bool,
 }
 
 impl Tile {
-    /// A rectangle of the camera plane.
+    /// A rectangle of the camera plane of a film without the layer `caustic`.
     pub const fn new([x, y]: [u32; 2], [width, height]: [u32; 2]) -> Self {
-        Self { x, y, width, height, plane: Plane::Camera }
+        Self { x, y, width, height, plane: Plane::Camera, has_caustic: false }
     }
 
     /// Number of pixels.
@@ -103,18 +106,26 @@ pub struct TileGrid {
     pub tile_size: u32,
     /// Whether there is a light plane.
     pub has_light_plane: bool,
+    /// Whether there is the layer `caustic`: light whose last specular vertices before a light are of glass or water.
+    pub has_caustic: bool,
 }
 
 impl TileGrid {
-    /// The camera plane of an image, without a light plane.
+    /// The camera plane of an image, without a light plane and without the layer `caustic`.
     pub const fn new(width: u32, height: u32, tile_size: u32) -> Self {
-        Self { width, height, tile_size, has_light_plane: false }
+        Self { width, height, tile_size, has_light_plane: false, has_caustic: false }
     }
 
     /// The same with a light plane, or without one.
     #[must_use]
     pub const fn with_light_plane(self, has_light_plane: bool) -> Self {
         Self { has_light_plane, ..self }
+    }
+
+    /// The same with the layer `caustic`, or without it.
+    #[must_use]
+    pub const fn with_caustic(self, has_caustic: bool) -> Self {
+        Self { has_caustic, ..self }
     }
 
     /// Tiles across.
@@ -149,15 +160,16 @@ impl TileGrid {
 
     /// The pixels of tile `index`; `None` when there is no such tile.
     pub fn tile(&self, index: u32) -> Option<Tile> {
+        let tile = |position, size| Tile { has_caustic: self.has_caustic, ..Tile::new(position, size) };
         if Some(index) == self.light_tile() {
-            return Some(Tile { plane: Plane::Light, ..Tile::new([0, 0], [self.width, self.height]) });
+            return Some(Tile { plane: Plane::Light, ..tile([0, 0], [self.width, self.height]) });
         }
         if index >= self.camera_tiles() {
             return None;
         }
         let x = index % self.columns() * self.tile_size;
         let y = index / self.columns() * self.tile_size;
-        Some(Tile::new([x, y], [self.tile_size.min(self.width - x), self.tile_size.min(self.height - y)]))
+        Some(tile([x, y], [self.tile_size.min(self.width - x), self.tile_size.min(self.height - y)]))
     }
 }
 

@@ -190,7 +190,7 @@ pub(super) fn check_layers(width: u32, rows: Range<u32>, layers: &ImageLayers) -
     if let Some(samples) = layers.samples.as_ref().filter(|samples| samples.len() != pixels) {
         return Err(ImageError::WrongPixelCount { layer: "samples", found: samples.len(), expected: pixels });
     }
-    for (name, layer) in [("albedo", &layers.albedo), ("normal", &layers.normal)] {
+    for (name, layer) in [("caustic", &layers.caustic), ("albedo", &layers.albedo), ("normal", &layers.normal)] {
         layer.iter().try_for_each(|layer| check(name, layer.as_flattened(), 3))?;
     }
     layers.depth.iter().try_for_each(|depth| check("depth", depth, 1))?;
@@ -304,7 +304,7 @@ pub(super) mod tests {
                 depth: vec![0.0; tile.pixels()],
             });
             let address = NodeAddress { frame: 0, tile: 0, level: 0, index: pass };
-            film.insert(Node::leaf(address, tile, sampling, &PassSums { beauty, first_hit }).unwrap()).unwrap();
+            film.insert(Node::leaf(address, tile, sampling, &PassSums { beauty, caustic: None, first_hit }).unwrap()).unwrap();
         }
         let grid = TileGrid::new(64, 64, 64);
         let image = FrameImage::assemble(&grid, &[film.sum(64).unwrap()], metadata()).unwrap();

@@ -1,8 +1,8 @@
 //! The OpenEXR file of an image.
 //!
 //! It has one part. The picture is in the channels `R`, `G` and `B`, which every viewer shows. The other layers are
-//! channels with a prefix: `stderr.R`, `samples`, `albedo.R`, `normal.X`, `depth.Z`. Viewers list them as layers. What
-//! made it is JSON in the attribute `clerestory`.
+//! channels with a prefix: `stderr.R`, `samples`, `caustic.R`, `albedo.R`, `normal.X`, `depth.Z`. Viewers list them as
+//! layers. What made it is JSON in the attribute `clerestory`.
 //!
 //! Any OpenEXR file with channels `R`, `G` and `B` can be read, whoever wrote it. References may have a standard error
 //! (`stderr.*`) and two halves of independent samples, of which the picture is the mean (`half_a.*`, `half_b.*`).
@@ -11,7 +11,9 @@ use std::collections::BTreeMap;
 
 use super::image::{FrameImage, ImageMetadata};
 use super::image_error::ImageError;
-use super::image_layers::{ALBEDO, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR};
+use super::image_layers::{
+    ALBEDO, CAUSTIC, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR,
+};
 use super::image_writer::ImageWriter;
 use super::openexr::{self, DecodeBudget, InputPart, OpenExr, Plane};
 use super::openexr_error::OpenExrError;
@@ -51,8 +53,8 @@ impl FrameImage {
                 serde_json::from_str(json).map_err(|error| ImageError::BadMetadata { message: error.to_string() })?
             }
         };
-        let wanted =
-            channels(part, &[&RGB, &STANDARD_ERROR, &HALF_A, &HALF_B], &[&[SAMPLES], &ALBEDO, &NORMAL, &[DEPTH]]);
+        let ours: [&[&str]; 5] = [&CAUSTIC, &[SAMPLES], &ALBEDO, &NORMAL, &[DEPTH]];
+        let wanted = channels(part, &[&RGB, &STANDARD_ERROR, &HALF_A, &HALF_B], &ours);
         let is_wanted = |index: usize, name: &str| index == picture && wanted.contains(&name);
         let planes = file.decode(budget, is_wanted)?.swap_remove(picture);
         Self::new(width, height, layers(planes, &wanted)?, metadata)
@@ -100,6 +102,7 @@ pub(super) fn layers(mut planes: BTreeMap<String, Plane>, wanted: &[&str]) -> Re
     };
     let mean = layer(RGB)?.unwrap_or_default();
     let standard_error = layer(STANDARD_ERROR)?;
+    let caustic = layer(CAUSTIC)?;
     let albedo = layer(ALBEDO)?;
     let normal = layer(NORMAL)?;
     let halves = match (layer(HALF_A)?, layer(HALF_B)?) {
@@ -109,7 +112,7 @@ pub(super) fn layers(mut planes: BTreeMap<String, Plane>, wanted: &[&str]) -> Re
         (Some(_), None) => return Err(ImageError::MissingChannel { channel: HALF_B[0] }),
     };
     let depth = if wanted.contains(&DEPTH) { Some(plane(DEPTH)?) } else { None };
-    Ok(ImageLayers { mean, standard_error, samples, albedo, normal, depth, halves })
+    Ok(ImageLayers { mean, standard_error, caustic, samples, albedo, normal, depth, halves })
 }
 
 #[cfg(test)]

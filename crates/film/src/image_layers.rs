@@ -2,6 +2,7 @@
 
 pub(super) const RGB: [&str; 3] = ["R", "G", "B"];
 pub(super) const STANDARD_ERROR: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
+pub(super) const CAUSTIC: [&str; 3] = ["caustic.R", "caustic.G", "caustic.B"];
 pub(super) const SAMPLES: &str = "samples";
 pub(super) const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
 pub(super) const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
@@ -17,6 +18,9 @@ pub struct ImageLayers {
     /// Standard error of the mean, `sqrt(M / (n (n - 1)))` with the second moment M of n block means. Zero at pixels
     /// of fewer than two blocks, for which it is not known; absent when that is all of them.
     pub standard_error: Option<Vec<[f32; 3]>>,
+    /// The part of the mean that is caustic: light whose last specular vertices before a light are of glass or water.
+    /// Absent where the scene has neither.
+    pub caustic: Option<Vec<[f32; 3]>>,
     /// Samples.
     pub samples: Option<Vec<u32>>,
     /// Mean diffuse reflectance of what camera rays meet first.

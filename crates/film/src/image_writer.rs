@@ -14,7 +14,9 @@ use rayon::prelude::*;
 
 use super::address::Tile;
 use super::image::ImageMetadata;
-use super::image_layers::{ALBEDO, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR};
+use super::image_layers::{
+    ALBEDO, CAUSTIC, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR,
+};
 use super::openexr::{self, OutputPart, Samples};
 use super::openexr_error::OpenExrError;
 
@@ -148,6 +150,9 @@ fn output_part(window: Tile, layers: &ImageLayers) -> OutputPart<'_> {
     part.add_triples(RGB, &layers.mean);
     if let Some(standard_error) = &layers.standard_error {
         part.add_triples(STANDARD_ERROR, standard_error);
+    }
+    if let Some(caustic) = &layers.caustic {
+        part.add_triples(CAUSTIC, caustic);
     }
     if let Some(samples) = &layers.samples {
         part.channels.insert(SAMPLES.to_owned(), Samples::Integer(samples));

@@ -10,6 +10,8 @@
 //! Chan, Golub and LeVeque (1979). With equal counts of `n` blocks, `s` samples in each, and sums `A` and `B`, it reads
 //! `M = M_A + M_B + (B - A)^2 / (2 n s^2)`.
 //!
+//! Where the scene has glass, a node also has the sums of the layer `caustic`, a part of beauty. It has no moment.
+//!
 //! The first hit of a camera ray (albedo, normal, depth) is needed for denoising only and converges fast. So it is
 //! summed over the samples of the frame's first block only.
 
@@ -36,6 +38,8 @@ pub struct FirstHitSums {
 pub struct PassSums {
     /// Radiance, W/(m2 sr).
     pub beauty: Vec<DVec3>,
+    /// The part of it that is caustic; present exactly where the tile has the layer ([`Tile::has_caustic`]).
+    pub caustic: Option<Vec<DVec3>>,
     /// What the camera rays met first; present exactly for the passes of the camera plane in the frame's first block
     /// ([`Sampling::is_in_first_block`]).
     pub first_hit: Option<FirstHitSums>,
@@ -62,6 +66,8 @@ pub struct NodeLayers {
     /// Sums of squared differences between the block means of beauty and their mean; present for nodes of at least one
     /// block, and zero for exactly one.
     pub moment: Option<Vec<[f32; 3]>>,
+    /// Sums of the part of the radiance that is caustic; present where the tile has the layer.
+    pub caustic: Option<Vec<[f32; 3]>>,
     /// Present for nodes with passes of the frame's first block.
     pub first_hit: Option<FirstHitLayers>,
 }
@@ -214,8 +220,9 @@ impl Node {
             }
         };
         let beauty = triples("beauty", &sums.beauty)?;
+        let caustic = sums.caustic.as_ref().map(|caustic| triples("caustic", caustic)).transpose()?;
         let moment = (sampling.block_level() == 0).then(|| vec![[0.0; 3]; beauty.len()]);
-        Self::from_layers(address, tile, sampling, NodeLayers { beauty, moment, first_hit })
+        Self::from_layers(address, tile, sampling, NodeLayers { beauty, moment, caustic, first_hit })
     }
 
     /// The node with these layers, as they come from a file; everything that a node promises is checked.
@@ -233,6 +240,7 @@ impl Node {
             return Err(NodeError::NoSuchNode { level: address.level, index: address.index });
         }
         check_presence("moment", layers.moment.is_some(), sampling.has_moment(address))?;
+        check_presence("caustic", layers.caustic.is_some(), tile.has_caustic)?;
         check_presence("first hit", layers.first_hit.is_some(), sampling.has_first_hit(address, tile.plane))?;
 
         check_layer("beauty", layers.beauty.as_flattened(), 3, &tile)?;
@@ -242,6 +250,9 @@ impl Node {
                 let (x, y) = tile.pixel(index / 3);
                 return Err(NodeError::NegativeMoment { x, y });
             }
+        }
+        if let Some(caustic) = &layers.caustic {
+            check_layer("caustic", caustic.as_flattened(), 3, &tile)?;
         }
         if let Some(first_hit) = &layers.first_hit {
             check_layer("albedo", first_hit.albedo.as_flattened(), 3, &tile)?;
@@ -265,7 +276,7 @@ impl Node {
         }
 
         let address = left.address.parent();
-        let Self { tile, sampling, layers: NodeLayers { mut beauty, moment, first_hit }, .. } = left;
+        let Self { tile, sampling, layers: NodeLayers { mut beauty, moment, caustic, first_hit }, .. } = left;
         let moment = match (moment, &right.layers.moment) {
             (Some(mut moment), Some(right_moment)) => {
                 let blocks = sampling.complete_blocks(right.address.passes().count);
@@ -277,13 +288,19 @@ impl Node {
             _ => sampling.has_moment(address).then(|| vec![[0.0; 3]; beauty.len()]),
         };
         add(beauty.as_flattened_mut(), right.layers.beauty.as_flattened());
+        let caustic = caustic.map(|mut left| {
+            if let Some(right) = &right.layers.caustic {
+                add(left.as_flattened_mut(), right.as_flattened());
+            }
+            left
+        });
         let first_hit = first_hit.map(|mut left| {
             if let Some(right) = &right.layers.first_hit {
                 left.add(right);
             }
             left
         });
-        Ok(Self { address, tile, sampling, layers: NodeLayers { beauty, moment, first_hit } })
+        Ok(Self { address, tile, sampling, layers: NodeLayers { beauty, moment, caustic, first_hit } })
     }
 
     /// Which node it is.
@@ -325,7 +342,8 @@ impl Node {
     pub fn bytes(&self) -> usize {
         let first_hit = if self.layers.first_hit.is_some() { 7 } else { 0 };
         let moment = if self.layers.moment.is_some() { 3 } else { 0 };
-        self.tile.pixels() * 4 * (3 + moment + first_hit)
+        let caustic = if self.layers.caustic.is_some() { 3 } else { 0 };
+        self.tile.pixels() * 4 * (3 + moment + caustic + first_hit)
     }
 }
 
@@ -425,7 +443,7 @@ mod tests {
     }
 
     fn constant_leaf(pass: u32, value: f64) -> Node {
-        let sums = PassSums { beauty: vec![DVec3::splat(value); TILE.pixels()], first_hit: None };
+        let sums = PassSums { beauty: vec![DVec3::splat(value); TILE.pixels()], caustic: None, first_hit: None };
         Node::leaf(address(0, pass), TILE, sampling(), &sums).unwrap()
     }
 
@@ -509,7 +527,7 @@ mod tests {
 
     #[test]
     fn a_leaf_refuses_a_value_that_is_no_number() {
-        let mut sums = PassSums { beauty: vec![DVec3::ONE; TILE.pixels()], first_hit: None };
+        let mut sums = PassSums { beauty: vec![DVec3::ONE; TILE.pixels()], caustic: None, first_hit: None };
         sums.beauty[6].z = f64::NAN;
         let error = Node::leaf(address(0, 9), TILE, sampling(), &sums).unwrap_err();
         assert_eq!(error, NodeError::NotFinite { layer: "beauty", value: NonFinite::NaN, x: 11, y: 21 });
@@ -520,7 +538,7 @@ mod tests {
         let mut nodes = Vec::new();
         for (pass, value) in [1e300, -1e300, 3e38, 3e38].into_iter().enumerate() {
             let sampling = Sampling::new(1, 1).unwrap();
-            let sums = PassSums { beauty: vec![DVec3::splat(value); TILE.pixels()], first_hit: None };
+            let sums = PassSums { beauty: vec![DVec3::splat(value); TILE.pixels()], caustic: None, first_hit: None };
             nodes.push(Node::leaf(address(0, 4 + pass as u32), TILE, sampling, &sums).unwrap());
         }
         let [a, b, c, d] = nodes.try_into().unwrap();

@@ -18,6 +18,7 @@ use super::sampling::Sampling;
 
 const BEAUTY: [&str; 3] = ["R", "G", "B"];
 const MOMENT: [&str; 3] = ["moment.R", "moment.G", "moment.B"];
+const CAUSTIC: [&str; 3] = ["caustic.R", "caustic.G", "caustic.B"];
 const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
 const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
 const DEPTH: &str = "depth.Z";
@@ -48,6 +49,9 @@ fn output_part<'a>(rendered: &'a Rendered, header: &PartialHeader) -> Result<Out
     part.add_triples(BEAUTY, &layers.beauty);
     if let Some(moment) = &layers.moment {
         part.add_triples(MOMENT, moment);
+    }
+    if let Some(caustic) = &layers.caustic {
+        part.add_triples(CAUSTIC, caustic);
     }
     if let Some(first_hit) = &layers.first_hit {
         part.add_triples(ALBEDO, &first_hit.albedo);
@@ -122,6 +126,9 @@ fn check_channels(address: NodeAddress, part: &InputPart, tile: Tile, sampling: 
     if sampling.has_moment(address) {
         names.extend(MOMENT);
     }
+    if tile.has_caustic {
+        names.extend(CAUSTIC);
+    }
     if sampling.has_first_hit(address, tile.plane) {
         names.extend(ALBEDO.iter().chain(&NORMAL).chain([&DEPTH]));
     }
@@ -152,6 +159,7 @@ fn node_of_planes(
     };
     let beauty = openexr::interleave(BEAUTY, &mut plane)?;
     let moment = if sampling.has_moment(address) { Some(openexr::interleave(MOMENT, &mut plane)?) } else { None };
+    let caustic = if tile.has_caustic { Some(openexr::interleave(CAUSTIC, &mut plane)?) } else { None };
     let first_hit = if sampling.has_first_hit(address, tile.plane) {
         Some(FirstHitLayers {
             albedo: openexr::interleave(ALBEDO, &mut plane)?,
@@ -161,7 +169,7 @@ fn node_of_planes(
     } else {
         None
     };
-    Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, first_hit })
+    Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, caustic, first_hit })
         .map_err(|source| PartialError::BadValue { address, source })
 }
 
@@ -272,13 +280,13 @@ mod tests {
         let node = counted(
             Node::from_layers(
                 NodeAddress { tile: 2, ..node.address() },
-                Tile::new([8, 0], [4, 2]),
+                Tile { has_caustic: true, ..Tile::new([8, 0], [4, 2]) },
                 node.sampling(),
                 node.layers().clone(),
             )
             .unwrap(),
         );
-        let grid = TileGrid::new(16, 2, 4);
+        let grid = TileGrid::new(16, 2, 4).with_caustic(true);
         let bytes = encode(std::slice::from_ref(&node), &header(), &grid).unwrap();
         let expected = Expectation { grid, ..expectation(std::slice::from_ref(&node)) };
         let found = decode(&bytes, &expected, BUDGET).unwrap();

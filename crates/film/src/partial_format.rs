@@ -16,6 +16,9 @@ pub(super) const FORMAT_VERSION: u32 = 2;
 /// Bytes of a pixel in a node with all its layers: beauty, moment, albedo, normal (three floats each) and depth (one).
 const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 
+/// Bytes of a pixel of the layer `caustic`.
+const CAUSTIC_BYTES_PER_PIXEL: u64 = 3 * 4;
+
 /// How parts are compressed: run lengths take out black pixels and zero moments at several times the speed of ZIP,
 /// which makes noise no smaller than that. Measured in `docs/film.md`.
 pub(super) const COMPRESSION: Compression = Compression::RLE;
@@ -61,6 +64,7 @@ impl Expectation {
     pub fn budget(&self) -> DecodeBudget {
         let tiles = self.allowed.iter().filter_map(|node| self.grid.tile(node.tile));
         let pixels: u64 = tiles.map(|tile| u64::from(tile.width) * (u64::from(tile.height) + 1)).sum();
-        DecodeBudget { pixel_bytes: pixels * NODE_BYTES_PER_PIXEL }
+        let caustic = if self.grid.has_caustic { CAUSTIC_BYTES_PER_PIXEL } else { 0 };
+        DecodeBudget { pixel_bytes: pixels * (NODE_BYTES_PER_PIXEL + caustic) }
     }
 }

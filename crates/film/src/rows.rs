@@ -15,7 +15,7 @@ use super::tree::TileSum;
 pub struct LayerChoice {
     /// The standard error.
     pub standard_error: bool,
-    /// Numbers of samples, and what camera rays meet first: albedo, normal and depth.
+    /// Numbers of samples, what camera rays meet first (albedo, normal and depth), and caustics if the film has them.
     pub others: bool,
 }
 
@@ -33,9 +33,10 @@ impl LayerChoice {
         Self { standard_error: has_standard_error, others: false }
     }
 
-    /// Bytes of a pixel in memory.
-    pub fn bytes_per_pixel(&self) -> u64 {
-        12 + if self.standard_error { 12 } else { 0 } + if self.others { 32 } else { 0 }
+    /// Bytes of a pixel of a film in memory.
+    pub fn bytes_per_pixel(&self, grid: &TileGrid) -> u64 {
+        let others = if grid.has_caustic { 44 } else { 32 };
+        12 + if self.standard_error { 12 } else { 0 } + if self.others { others } else { 0 }
     }
 }
 
@@ -67,6 +68,7 @@ impl ImageRows {
         let layers = ImageLayers {
             mean: vec![[0.0; 3]; pixels],
             standard_error: triples(choice.standard_error),
+            caustic: triples(choice.others && grid.has_caustic),
             samples: choice.others.then(|| vec![0; pixels]),
             albedo: triples(choice.others),
             normal: triples(choice.others),
@@ -134,6 +136,11 @@ impl ImageLayers {
                 for (mean, sum) in self.mean[to].iter_mut().zip(sum.layers.beauty[from]) {
                     *mean = (*mean + (f64::from(sum) * scale) as f32).clamp(f32::MIN, f32::MAX);
                 }
+                if let (Some(means), Some(sums)) = (&mut self.caustic, &sum.layers.caustic) {
+                    for (mean, sum) in means[to].iter_mut().zip(sums[from]) {
+                        *mean = (*mean + (f64::from(sum) * scale) as f32).clamp(f32::MIN, f32::MAX);
+                    }
+                }
             }
             let Some(errors) = &mut self.standard_error else { continue };
             errors[to] = match moment.filter(|_| *seen == Seen::Blocks) {
@@ -157,6 +164,9 @@ impl ImageLayers {
         let (from, to) = (in_tile..in_tile + width, in_rows..in_rows + width);
 
         write_means(&mut self.mean[to.clone()], &sum.layers.beauty[from.clone()], scale);
+        if let (Some(means), Some(sums)) = (&mut self.caustic, &sum.layers.caustic) {
+            write_means(&mut means[to.clone()], &sums[from.clone()], scale);
+        }
         if let Some(counts) = &mut self.samples {
             counts[to.clone()].fill(u32::try_from(samples).unwrap_or(u32::MAX));
         }

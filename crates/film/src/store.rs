@@ -5,15 +5,15 @@
 //! | bytes | what |
 //! | --- | --- |
 //! | 8 | `CLRSNODE` |
-//! | 4 | 1 for a node of the camera plane, 2 for one of the light plane |
+//! | 4 | 1 for a node of the camera plane, 2 for one of the light plane; 3 and 4 for the same with the layer `caustic` |
 //! | 4 x 4 | frame, tile, level, index |
 //! | 4 x 4 | tile: left, top, width, height in pixels |
 //! | 2 x 4 | samples in a pass, samples in a block |
 //! | 4 for each value | the layers of the node, as 32-bit floats |
 //! | 32 | BLAKE3 hash of everything before it |
 //!
-//! The layers are one after the other: beauty, moment, albedo, normal (three values for each pixel) and depth (one). A
-//! node may lack some of them.
+//! The layers are one after the other: beauty, moment, caustic, albedo, normal (three values for each pixel) and depth
+//! (one). A node may lack some of them.
 
 use thiserror::Error;
 
@@ -32,7 +32,7 @@ pub enum StoreError {
     #[error("not a stored node: it does not begin with CLRSNODE")]
     NotANode,
     /// They are of another version.
-    #[error("the stored node has version {found}; this build reads versions 1 and 2")]
+    #[error("the stored node has version {found}; this build reads versions 1 to 4")]
     WrongVersion {
         /// Their version.
         found: u32,
@@ -63,9 +63,11 @@ pub fn encode(node: &Node) -> Vec<u8> {
     let sampling = node.sampling();
     let mut bytes = Vec::with_capacity(HEADER_BYTES + node.bytes() + HASH_BYTES);
     bytes.extend_from_slice(MAGIC);
-    let version: u32 = match tile.plane {
-        Plane::Camera => 1,
-        Plane::Light => 2,
+    let version: u32 = match (tile.plane, tile.has_caustic) {
+        (Plane::Camera, false) => 1,
+        (Plane::Light, false) => 2,
+        (Plane::Camera, true) => 3,
+        (Plane::Light, true) => 4,
     };
     for number in [
         version,
@@ -87,6 +89,9 @@ pub fn encode(node: &Node) -> Vec<u8> {
     write(layers.beauty.as_flattened());
     if let Some(moment) = &layers.moment {
         write(moment.as_flattened());
+    }
+    if let Some(caustic) = &layers.caustic {
+        write(caustic.as_flattened());
     }
     if let Some(first_hit) = &layers.first_hit {
         write(first_hit.albedo.as_flattened());
@@ -120,22 +125,25 @@ pub fn decode(bytes: &[u8]) -> Result<Node, StoreError> {
     let mut numbers = words.iter().map(|word| u32::from_le_bytes(*word));
     let mut next = || numbers.next().unwrap_or_default();
 
-    let plane = match next() {
-        1 => Plane::Camera,
-        2 => Plane::Light,
+    let (plane, has_caustic) = match next() {
+        1 => (Plane::Camera, false),
+        2 => (Plane::Light, false),
+        3 => (Plane::Camera, true),
+        4 => (Plane::Light, true),
         found => return Err(StoreError::WrongVersion { found }),
     };
     let address = NodeAddress { frame: next(), tile: next(), level: next(), index: next() };
-    let tile = Tile { x: next(), y: next(), width: next(), height: next(), plane };
+    let tile = Tile { x: next(), y: next(), width: next(), height: next(), plane, has_caustic };
     let sampling = Sampling::new(next(), next())?;
     if !address.exists() {
         return Err(NodeError::NoSuchNode { level: address.level, index: address.index }.into());
     }
 
     let moment_values = if sampling.has_moment(address) { 3 } else { 0 };
+    let caustic_values = if has_caustic { 3 } else { 0 };
     let first_hit_values = if sampling.has_first_hit(address, plane) { 7 } else { 0 };
     let pixels = u64::from(tile.width) * u64::from(tile.height);
-    let value_bytes = pixels.saturating_mul(4 * (3 + moment_values + first_hit_values));
+    let value_bytes = pixels.saturating_mul(4 * (3 + moment_values + caustic_values + first_hit_values));
     let expected = value_bytes.saturating_add((HEADER_BYTES + HASH_BYTES) as u64);
     if found != expected {
         return Err(StoreError::WrongLength { found, expected });
@@ -148,12 +156,13 @@ pub fn decode(bytes: &[u8]) -> Result<Node, StoreError> {
     let mut values = Values { bytes: &hashed[HEADER_BYTES..], pixels: pixels as usize };
     let beauty = values.triples();
     let moment = (moment_values > 0).then(|| values.triples());
+    let caustic = has_caustic.then(|| values.triples());
     let first_hit = (first_hit_values > 0).then(|| FirstHitLayers {
         albedo: values.triples(),
         normal: values.triples(),
         depth: values.singles(),
     });
-    Ok(Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, first_hit })?)
+    Ok(Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, caustic, first_hit })?)
 }
 
 /// The layers that have not been read yet.
@@ -231,10 +240,10 @@ mod tests {
     #[test]
     fn another_version_is_refused_by_name() {
         let mut stored = encode(&node(0, 0));
-        stored[8] = 3;
+        stored[8] = 5;
         assert_eq!(
             decode(&stored).unwrap_err().to_string(),
-            "the stored node has version 3; this build reads versions 1 and 2"
+            "the stored node has version 5; this build reads versions 1 to 4"
         );
     }
 

@@ -29,8 +29,11 @@ pub(super) fn noise_pass(address: NodeAddress, tile: Tile, sampling: Sampling) -
         normal.push(triple() - 0.5);
         depth.push(triple().x * 100.0);
     }
+    // A part of beauty that differs from channel to channel.
+    let part = |beauty: &DVec3| *beauty * DVec3::new(0.25, 0.7, 0.1);
+    let caustic = tile.has_caustic.then(|| beauty.iter().map(part).collect());
     let first_hit = sampling.has_first_hit(address, tile.plane).then_some(FirstHitSums { albedo, normal, depth });
-    Node::leaf(address, tile, sampling, &PassSums { beauty, first_hit }).unwrap()
+    Node::leaf(address, tile, sampling, &PassSums { beauty, caustic, first_hit }).unwrap()
 }
 
 /// The node at `address`, computed as a worker does: from all of its passes, in the order of the tree.
@@ -46,12 +49,13 @@ pub(super) fn noise_node(address: NodeAddress, tile: Tile, sampling: Sampling) -
 
 /// A node with all layers, whose values are subnormal, negative zero, and the largest and smallest floats.
 pub(super) fn odd_node() -> Node {
-    let tile = Tile::new([8, 4], [4, 2]);
+    let tile = Tile { has_caustic: true, ..Tile::new([8, 4], [4, 2]) };
     let odd = [1e-45, -0.0, f32::MIN, f32::MAX, f32::MIN_POSITIVE, -1e-40, 0.0, f32::EPSILON];
     let triples = |shift: usize| (0..8).map(|i| [0, 1, 2].map(|j| odd[(i * 3 + j + shift) % 8])).collect::<Vec<_>>();
     let layers = NodeLayers {
         beauty: triples(0),
         moment: Some(triples(1).into_iter().map(|triple: [f32; 3]| triple.map(f32::abs)).collect()),
+        caustic: Some(triples(4)),
         first_hit: Some(FirstHitLayers { albedo: triples(2), normal: triples(3), depth: odd.to_vec() }),
     };
     let address = NodeAddress { frame: 0, tile: 1, level: 3, index: 0 };
@@ -60,9 +64,9 @@ pub(super) fn odd_node() -> Node {
 
 /// Every bit of the layers of a node, to tell -0 from 0.
 pub(super) fn bits(node: &Node) -> Vec<u32> {
-    let NodeLayers { beauty, moment, first_hit } = node.layers();
+    let NodeLayers { beauty, moment, caustic, first_hit } = node.layers();
     let mut values = beauty.as_flattened().to_vec();
-    values.extend(moment.iter().flat_map(|layer| layer.as_flattened()));
+    values.extend(moment.iter().chain(caustic).flat_map(|layer| layer.as_flattened()));
     if let Some(FirstHitLayers { albedo, normal, depth }) = first_hit {
         values.extend(albedo.as_flattened().iter().chain(normal.as_flattened()).chain(depth));
     }

@@ -282,7 +282,8 @@ impl TileSum {
             lines.collect::<Vec<_>>().concat()
         };
         let moment = self.layers.moment.as_deref().map(crop);
-        let layers = NodeLayers { beauty: crop(&self.layers.beauty), moment, first_hit: None };
+        let caustic = self.layers.caustic.as_deref().map(crop);
+        let layers = NodeLayers { beauty: crop(&self.layers.beauty), moment, caustic, first_hit: None };
         Self { tile_index, tile, layers, ..*self }
     }
 
@@ -294,6 +295,9 @@ impl TileSum {
             add_moments(moment, other, &self.layers.beauty, &layers.beauty, self.sampling, blocks);
         }
         add(self.layers.beauty.as_flattened_mut(), layers.beauty.as_flattened());
+        if let (Some(caustic), Some(other)) = (&mut self.layers.caustic, &layers.caustic) {
+            add(caustic.as_flattened_mut(), other.as_flattened());
+        }
         if let (Some(first_hit), Some(other)) = (&mut self.layers.first_hit, &layers.first_hit) {
             first_hit.add(other);
         }
@@ -334,8 +338,8 @@ mod tests {
     #[track_caller]
     fn assert_same_bits(found: &TileSum, expected: &TileSum) {
         let bits = |sum: &TileSum| -> Vec<u32> {
-            let NodeLayers { beauty, moment, first_hit } = &sum.layers;
-            let triples = [Some(beauty), moment.as_ref()].into_iter().flatten();
+            let NodeLayers { beauty, moment, caustic, first_hit } = &sum.layers;
+            let triples = [Some(beauty), moment.as_ref(), caustic.as_ref()].into_iter().flatten();
             let triples = triples.chain(first_hit.iter().flat_map(|layers| [&layers.albedo, &layers.normal]));
             let depth = first_hit.iter().flat_map(|layers| &layers.depth);
             triples.flat_map(|layer| layer.as_flattened()).chain(depth).map(|value| value.to_bits()).collect()

@@ -2,16 +2,17 @@
 //!
 //! The digests of its images tell machines and builds apart that compute other bits, before they render anything that
 //! counts. Each method has digests of its own, so that a new method or a new probe case changes no digest of another.
+//! Digests of images with the layer `caustic` have names of their own. So builds that lack it go on with jobs without it.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::atomic::AtomicBool;
 
-use crate::document::{SceneBundle, SceneDescription};
+use crate::document::{SceneBundle, SceneDescription, WITH_CAUSTIC};
 use crate::integrator::{PreparedScene, RenderError, render_node};
 use crate::scene::SceneError;
 use crate::specular::registry::IntegratorDescription;
-use clerestory_film::{NodeAddress, store};
+use clerestory_film::{Node, NodeAddress, NodeLayers, Tile, store};
 
 /// The scene, without an integrator.
 const SCENE: &str = include_str!("probe.json");
@@ -55,7 +56,8 @@ pub enum ProbeError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProbeDigests {
     /// By the name of the method: the digest of its first probe case, of its first two, and so on. The last one covers
-    /// all. A build that appends a case keeps the digests before it.
+    /// all. A build that appends a case keeps the digests before it. Those of the images with the layer `caustic` have
+    /// [`WITH_CAUSTIC`] behind the name.
     pub methods: BTreeMap<String, Vec<String>>,
     /// The digest of the first probe, over all methods of that time. It is the only one that older builds know.
     pub first: String,
@@ -71,11 +73,13 @@ pub fn digests() -> Result<ProbeDigests, ProbeError> {
     let mut methods = BTreeMap::new();
     let lights = image(serde_json::from_str(LIGHTS)?)?;
     for (name, cases) in IntegratorDescription::PROBES {
-        methods.insert((*name).to_owned(), images.digests_of_method(name, &lights, cases)?);
+        let [without, with] = images.digests_of_method(name, &lights, cases)?;
+        methods.insert((*name).to_owned(), without);
+        methods.insert(format!("{name}{WITH_CAUSTIC}"), with);
     }
     let mut hasher = blake3::Hasher::new();
     for case in FIRST_PROBE {
-        hasher.update(images.image(case)?);
+        hasher.update(&images.image(case)?.without_caustic);
     }
     Ok(ProbeDigests { methods, first: hasher.finalize().to_hex().to_string() })
 }
@@ -83,32 +87,43 @@ pub fn digests() -> Result<ProbeDigests, ProbeError> {
 /// The images of the cases that are rendered so far.
 #[derive(Default)]
 struct Images {
-    by_case: BTreeMap<&'static str, Vec<u8>>,
+    by_case: BTreeMap<&'static str, Image>,
+}
+
+/// The bytes of an image.
+#[derive(Default)]
+struct Image {
+    /// As builds render it that lack the layer `caustic`.
+    without_caustic: Vec<u8>,
+    with_caustic: Vec<u8>,
 }
 
 impl Images {
     /// The digest of the first case of a method, of its first two, and so on, each with an image that all methods
-    /// share.
+    /// share: without the layer `caustic`, and with it.
     fn digests_of_method(
         &mut self,
         name: &str,
-        shared: &[u8],
+        shared: &Image,
         cases: &[&'static str],
-    ) -> Result<Vec<String>, ProbeError> {
-        // With its name, no two methods have the same digests.
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(name.as_bytes());
-        hasher.update(shared);
-        let mut digests = Vec::new();
-        for case in cases {
-            hasher.update(self.image(case)?);
-            digests.push(hasher.finalize().to_hex().to_string());
+    ) -> Result<[Vec<String>; 2], ProbeError> {
+        let versions: [fn(&Image) -> &[u8]; 2] = [|image| &image.without_caustic, |image| &image.with_caustic];
+        let mut digests = [Vec::new(), Vec::new()];
+        for (version, digests) in versions.iter().zip(&mut digests) {
+            // With its name, no two methods have the same digests.
+            let mut hasher = blake3::Hasher::new();
+            hasher.update(name.as_bytes());
+            hasher.update(version(shared));
+            for case in cases {
+                hasher.update(version(self.image(case)?));
+                digests.push(hasher.finalize().to_hex().to_string());
+            }
         }
         Ok(digests)
     }
 
-    /// The bytes of the image of a case.
-    fn image(&mut self, case: &'static str) -> Result<&[u8], ProbeError> {
+    /// The image of a case.
+    fn image(&mut self, case: &'static str) -> Result<&Image, ProbeError> {
         Ok(match self.by_case.entry(case) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => new.insert(rendered(case)?),
@@ -117,7 +132,7 @@ impl Images {
 }
 
 /// Renders a case: a whole scene, or the probe's scene with one integrator.
-fn rendered(case: &str) -> Result<Vec<u8>, ProbeError> {
+fn rendered(case: &str) -> Result<Image, ProbeError> {
     let case: serde_json::Value = serde_json::from_str(case)?;
     if case.get("version").is_some() {
         return image(case);
@@ -127,18 +142,27 @@ fn rendered(case: &str) -> Result<Vec<u8>, ProbeError> {
     image(scene)
 }
 
-/// The bytes of the first node of each plane of a scene.
-fn image(scene: serde_json::Value) -> Result<Vec<u8>, ProbeError> {
+/// The first node of each plane of a scene.
+fn image(scene: serde_json::Value) -> Result<Image, ProbeError> {
     let bundle = SceneBundle::from_parts(SceneDescription::parse(scene.to_string().as_bytes())?, BTreeMap::new())?;
     let film = bundle.description().film;
-    let grid = bundle.description().grid(film.width.max(film.height));
+    let grid = bundle.description().grid(film.width.max(film.height)).with_caustic(true);
     let scene = PreparedScene::build(&bundle)?;
-    let mut bytes = Vec::new();
+    let mut image = Image::default();
     for tile in 0..grid.len() {
         let address = NodeAddress { frame: 0, tile, level: 0, index: 0 };
-        bytes.extend(store::encode(&render_node(&scene, &grid, address, &AtomicBool::new(false))?.node));
+        let node = render_node(&scene, &grid, address, &AtomicBool::new(false))?.node;
+        image.with_caustic.extend(store::encode(&node));
+        image.without_caustic.extend(store::encode(&without_caustic(node)?));
     }
-    Ok(bytes)
+    Ok(image)
+}
+
+/// A node without the layer `caustic`.
+fn without_caustic(node: Node) -> Result<Node, RenderError> {
+    let (address, sampling) = (node.address(), node.sampling());
+    let tile = Tile { has_caustic: false, ..node.tile() };
+    Ok(Node::from_layers(address, tile, sampling, NodeLayers { caustic: None, ..node.into_layers() })?)
 }
 
 #[cfg(test)]
@@ -153,7 +177,7 @@ mod tests {
     #[test]
     fn every_method_has_digests_of_its_own() {
         let ProbeDigests { methods, first } = &*DIGESTS;
-        assert_eq!(methods.len(), IntegratorDescription::PROBES.len());
+        assert_eq!(methods.len(), 2 * IntegratorDescription::PROBES.len());
         assert!(methods.values().all(|digests| !digests.is_empty()), "{methods:?}");
         let all: Vec<&String> = methods.values().flatten().chain([first]).collect();
         assert_eq!(all.iter().collect::<BTreeSet<_>>().len(), all.len(), "{methods:?}");
@@ -162,16 +186,20 @@ mod tests {
     #[test]
     fn every_case_of_the_first_probe_has_an_image_of_its_own() {
         let mut images = Images::default();
-        let all: BTreeSet<Vec<u8>> = FIRST_PROBE.iter().map(|case| images.image(case).unwrap().to_vec()).collect();
+        let all: BTreeSet<Vec<u8>> = FIRST_PROBE.iter().map(|case| images.image(case).unwrap().without_caustic.clone()).collect();
         assert_eq!(all.len(), FIRST_PROBE.len());
     }
 
     #[test]
     fn an_appended_case_keeps_the_digests_before_it() {
         let mut images = Images::default();
-        let [before, after] = [1, 2].map(|cases| images.digests_of_method("path", &[], &FIRST_PROBE[..cases]).unwrap());
-        assert_eq!((before.len(), after.len(), &before[0]), (1, 2, &after[0]));
-        assert_ne!(after[0], after[1]);
+        let shared = Image::default();
+        let [before, after] =
+            [1, 2].map(|cases| images.digests_of_method("path", &shared, &FIRST_PROBE[..cases]).unwrap());
+        for (before, after) in before.iter().zip(&after) {
+            assert_eq!((before.len(), after.len(), &before[0]), (1, 2, &after[0]));
+            assert_ne!(after[0], after[1]);
+        }
     }
 
     /// Jobs that older builds began go on only while this digest stays. A change of pixels on purpose changes it.

@@ -265,7 +265,8 @@ impl PlanBuilder {
         for (name, hash) in &order.assets {
             assets.insert(name.clone(), self.asset(&mut cache, name, hash).await?);
         }
-        let (limit, tile_size, light_plane) = (self.budget.limit(), order.tile_size, order.light_plane);
+        let (limit, tile_size) = (self.budget.limit(), order.tile_size);
+        let (light_plane, caustic) = (order.light_plane, order.caustic);
         let (bundle, bytes) = tokio::task::spawn_blocking(move || bundle(&order, assets, limit)).await??;
         let drop_plan = || self.plans.upgrade().is_some_and(|plans| plans.drop_oldest());
         let memory = self.budget.reserve(bytes, drop_plan).await;
@@ -274,7 +275,7 @@ impl PlanBuilder {
         let built = tokio::task::spawn_blocking(move || Ok((build(&bundle)?, memory))).await?;
         let ((scene, built), memory) = built.map_err(PlanError::Scene)?;
         let FilmDescription { width, height } = scene.description().film;
-        let grid = TileGrid::new(width, height, tile_size).with_light_plane(light_plane);
+        let grid = TileGrid::new(width, height, tile_size).with_light_plane(light_plane).with_caustic(caustic);
         let plan = JobPlan { job, scene, grid, built, _memory: memory };
         info!(%job, scene = %plan.scene.hash(), seconds = begun.elapsed().as_secs_f64(), "built a scene");
         Ok(plan)

@@ -83,6 +83,7 @@ impl Noise {
         let layers = NodeLayers {
             beauty: self.beauty.clone(),
             moment: self.sampling.has_moment(address).then(|| self.moment.clone()),
+            caustic: None,
             first_hit: self.sampling.has_first_hit(address, place.plane).then(|| self.first_hit.clone()),
         };
         let node = Node::from_layers(address, place, self.sampling, layers)?;

@@ -128,7 +128,7 @@ impl FrameMetrics {
             Frame { reader: &self.reader, job, frame, extent: Extent::Round(complete.passes, tile_passes.clone()) };
         let has_standard_error = image.has_standard_error().await?;
         let choice = LayerChoice::measured(has_standard_error);
-        let bytes = choice.bytes_per_pixel() + reference.map_or(0, |_| REFERENCE_PIXEL_BYTES);
+        let bytes = choice.bytes_per_pixel(&job.grid) + reference.map_or(0, |_| REFERENCE_PIXEL_BYTES);
         let mut reading = Reading::default();
         let mut noise = NoiseMeasure::new(job.grid);
         let mut comparison = reference.map(|reference| Comparison::new(job.grid, reference.summary));

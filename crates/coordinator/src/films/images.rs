@@ -105,9 +105,9 @@ impl Images {
     }
 
     async fn make_once(&self, job: &JobRecord, choice: LayerChoice) -> Result<ImageFile, FilmError> {
-        let first_strip = strips(job.grid, choice.bytes_per_pixel(), self.strips.bytes()).next();
+        let first_strip = strips(job.grid, choice.bytes_per_pixel(&job.grid), self.strips.bytes()).next();
         let rows = first_strip.map_or(0, |rows| rows.len() as u64);
-        let _reserved = self.strips.reserve(rows * u64::from(job.grid.width) * choice.bytes_per_pixel()).await;
+        let _reserved = self.strips.reserve(rows * u64::from(job.grid.width) * choice.bytes_per_pixel(&job.grid)).await;
         let mut reads = 1;
         loop {
             match self.write(job, choice).await {
@@ -124,7 +124,7 @@ impl Images {
         let file = tokio::task::spawn_blocking(move || tempfile::tempfile_in(directory)).await??;
         let mut writer = ImageWriter::new(job.grid.width, job.grid.height, file);
         let mut reading = Reading::default();
-        for strip in strips(job.grid, choice.bytes_per_pixel(), self.strips.bytes()) {
+        for strip in strips(job.grid, choice.bytes_per_pixel(&job.grid), self.strips.bytes()) {
             let rows = frame.rows(strip, choice, &mut reading).await?;
             let written = tokio::task::spawn_blocking(move || writer.write_rows(rows.layers()).map(|()| writer));
             writer = written.await??;

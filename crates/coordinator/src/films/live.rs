@@ -333,7 +333,7 @@ impl ShownTile {
         // As an image of its own, so that its pixels are rounded as those of the frame are.
         let place = sum.tile;
         let grid = TileGrid::new(place.width, place.height, place.width.max(place.height));
-        let grid = grid.with_light_plane(light.is_some());
+        let grid = grid.with_light_plane(light.is_some()).with_caustic(place.has_caustic);
         (sum.tile_index, sum.tile) = (0, Tile { x: 0, y: 0, ..place });
         // An estimate of the error needs both planes.
         let blocks = light.map_or(sum.blocks(), |light| light.blocks().min(sum.blocks()));

@@ -90,9 +90,9 @@ pub(super) async fn scene(
     let record = jobs.find(job).await?;
     let (scene, assets) = store.job_scene(job).await?.ok_or(JobError::Unknown(job))?;
     let scene = serde_json::from_str(&scene).map_err(ApiError::internal)?;
-    let TileGrid { tile_size, has_light_plane: light_plane, .. } = record.grid;
+    let TileGrid { tile_size, has_light_plane: light_plane, has_caustic: caustic, .. } = record.grid;
     let (scene_hash, passes) = (record.scene_hash, record.passes);
-    Ok(Json(JobScene { job, scene, scene_hash, assets, tile_size, light_plane, passes }))
+    Ok(Json(JobScene { job, scene, scene_hash, assets, tile_size, light_plane, caustic, passes }))
 }
 
 /// The convergence of a job.

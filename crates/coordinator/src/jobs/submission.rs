@@ -135,7 +135,7 @@ impl Submissions {
             scene: document::canonical_json(description),
             scene_hash: bundle.scene_hash().to_string(),
             integrator: description.integrator.kind().to_owned(),
-            is_read_by_first: is_read_by_first(description.version, description.integrator.kind()),
+            is_read_by_first: is_read_by_first(description.version, description.integrator.kind(), &grid),
             is_same_by_first: is_same_by_first(description.lights.len()),
             missing_light,
             assumptions: submission.assumptions,

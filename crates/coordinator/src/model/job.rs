@@ -13,9 +13,10 @@ use super::scene_report::SceneRefusal;
 /// The methods that workers know which register a single digest. They read version 1 of the scene format.
 const FIRST_METHODS: [&str; 6] = ["path", "cone", "fnee", "sms", "mnee", "conic"];
 
-/// Whether workers that register a single digest can read a scene of this version with this method.
-pub(crate) fn is_read_by_first(version: u32, method: &str) -> bool {
-    version == 1 && FIRST_METHODS.contains(&method)
+/// Whether workers that register a single digest can read a scene of this version with this method, and render all
+/// layers of its film.
+pub(crate) fn is_read_by_first(version: u32, method: &str, grid: &TileGrid) -> bool {
+    version == 1 && FIRST_METHODS.contains(&method) && !grid.has_caustic
 }
 
 /// Builds that register a single digest ask all lights. Newer builds ask all of this number, and choose among more.

@@ -20,8 +20,8 @@ use crate::store::events;
 pub(in crate::store) const COLUMNS: &str = "\
      id, name, state, stopped_by, failure, failed_node, hold, priority, scene_hash, integrator, missing_light, \
      assumptions, scene_is_built, left_to_chance, chosen_methods, import_notes, scene_refusal, frames, width, height, \
-     tile_size, light_plane, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
-     target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
+     tile_size, light_plane, caustic, samples_per_pass, samples_per_block, passes, reference, probe_digest, \
+     time_limit_ms, target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
      cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, redone_nodes, samples, \
      core_ms, counters";
 
@@ -44,7 +44,8 @@ pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         scene_refusal: row.optional_json("scene_refusal")?,
         frames: row.number("frames")?,
         grid: TileGrid::new(row.number("width")?, row.number("height")?, row.number("tile_size")?)
-            .with_light_plane(row.integer("light_plane")? != 0),
+            .with_light_plane(row.integer("light_plane")? != 0)
+            .with_caustic(row.integer("caustic")? != 0),
         samples_per_pass: row.number("samples_per_pass")?,
         samples_per_block: row.number("samples_per_block")?,
         passes: row.number("passes")?,
@@ -205,10 +206,10 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, adaptive, created_ms, read_by_first, same_by_first, assumptions, light_plane, \
+         target_estimated_mse, adaptive, created_ms, read_by_first, same_by_first, assumptions, light_plane, caustic, \
          scene_is_built) \
          values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
-         $20, $21, $22, $23, 0)",
+         $20, $21, $22, $23, $24, 0)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -233,6 +234,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(i64::from(job.is_same_by_first))
     .bind(to_json(&job.assumptions)?)
     .bind(i64::from(job.grid.has_light_plane))
+    .bind(i64::from(job.grid.has_caustic))
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {

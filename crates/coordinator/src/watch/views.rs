@@ -65,6 +65,7 @@ impl Views {
             total_samples,
             tiles: job.grid.camera_tiles(),
             light_plane: job.grid.has_light_plane,
+            caustic: job.grid.has_caustic,
             width: job.grid.width,
             height: job.grid.height,
             tile_size: job.grid.tile_size,

@@ -18,11 +18,11 @@ fn uneven_node(address: NodeAddress) -> Node {
     }
     let node = noise_node(address);
     let (tile, sampling) = (node.tile(), node.sampling());
-    let NodeLayers { mut beauty, moment, first_hit } = node.into_layers();
+    let NodeLayers { mut beauty, moment, caustic, first_hit } = node.into_layers();
     for value in beauty.as_flattened_mut() {
         *value /= (1 << address.tile.min(4)) as f32;
     }
-    Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, first_hit }).unwrap()
+    Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, caustic, first_hit }).unwrap()
 }
 
 fn adaptation(fewest_blocks: u32) -> Adaptation {

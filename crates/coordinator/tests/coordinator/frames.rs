@@ -103,11 +103,11 @@ async fn a_preview_stays_for_a_quarter_of_a_second_however_many_look() {
 fn wrong_node(address: &NodeAddress) -> Rendered {
     let node = noise_node(*address);
     let (tile, sampling) = (node.tile(), node.sampling());
-    let NodeLayers { mut beauty, moment, first_hit } = node.into_layers();
+    let NodeLayers { mut beauty, moment, caustic, first_hit } = node.into_layers();
     for value in beauty.as_flattened_mut().iter_mut().step_by(7) {
         *value *= 4.0;
     }
-    let node = Node::from_layers(*address, tile, sampling, NodeLayers { beauty, moment, first_hit }).unwrap();
+    let node = Node::from_layers(*address, tile, sampling, NodeLayers { beauty, moment, caustic, first_hit }).unwrap();
     Rendered { node, counters: noise_counters(*address) }
 }
 

@@ -260,7 +260,7 @@ fn noise_pass(address: NodeAddress, tile: Tile) -> Node {
         normal: triples(6),
         depth: (0..tile.pixels()).map(|pixel| value(pixel, 9)).collect(),
     });
-    Node::leaf(address, tile, sampling(), &PassSums { beauty: triples(0), first_hit }).unwrap()
+    Node::leaf(address, tile, sampling(), &PassSums { beauty: triples(0), caustic: None, first_hit }).unwrap()
 }
 
 pub(crate) fn noise_node(address: NodeAddress) -> Node {

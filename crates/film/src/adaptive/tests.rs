@@ -26,7 +26,7 @@ fn leaf(tile: u32, pass: u32, sums: impl FnMut([u32; 2]) -> f64) -> Node {
         depth: vec![0.0; beauty.len()],
     });
     let address = NodeAddress { frame: 0, tile, level: 0, index: pass };
-    Node::leaf(address, pixels, sampling(), &PassSums { beauty, first_hit }).unwrap()
+    Node::leaf(address, pixels, sampling(), &PassSums { beauty, caustic: None, first_hit }).unwrap()
 }
 
 fn units(shares: &[Share]) -> Vec<u32> {

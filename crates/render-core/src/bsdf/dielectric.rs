@@ -63,6 +63,10 @@ impl MaterialSettings for DielectricMaterial {
         true
     }
 
+    fn makes_caustics(&self) -> bool {
+        true
+    }
+
     fn model(&self, _: &Bitmaps<'_>) -> Option<SurfaceModel> {
         Some(SurfaceModel::Dielectric { index_of_refraction: self.index_of_refraction })
     }

@@ -71,6 +71,11 @@ pub trait MaterialSettings {
         self.is_delta()
     }
 
+    /// Whether it may send light into single directions as glass or water does, so that images have the layer `caustic`.
+    fn makes_caustics(&self) -> bool {
+        false
+    }
+
     /// Whether light is scattered at the interpolated normals of a mesh rather than at those of its triangles.
     fn uses_normals(&self) -> bool {
         self.is_delta()

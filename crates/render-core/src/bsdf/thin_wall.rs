@@ -72,6 +72,10 @@ impl MaterialSettings for ThinWallMaterial {
         true
     }
 
+    fn makes_caustics(&self) -> bool {
+        true
+    }
+
     fn is_searched(&self) -> bool {
         false
     }

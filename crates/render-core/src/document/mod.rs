@@ -41,4 +41,5 @@ pub use integrators::{IntegratorEntry, integrators};
 pub use model_scene::{ModelOptions, ModelScene, is_model, scene_around};
 pub use overrides::{Override, OverrideError, apply};
 pub use path_filter::{FilterState, PathEvent, PathFilter, PathFilterError};
+pub use planes::WITH_CAUSTIC;
 pub use schema::scene_schema;

@@ -10,7 +10,7 @@ use clerestory_film::{SampleStream, Tile};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::path::PathTracer;
+use super::path::{PathTracer, Splat};
 
 /// Subpaths that one thread traces at a time.
 const GROUP: u64 = 1 << 10;
@@ -27,10 +27,26 @@ pub(super) struct LightPass<'a> {
     pub(super) cancelled: &'a AtomicBool,
 }
 
+/// The sums of the splats of a pass, for each pixel of the frame.
+pub(super) struct SplatSums {
+    /// Of all splats.
+    pub(super) all: Vec<DVec3>,
+    /// Of those that are caustic, where the tile has that layer.
+    pub(super) caustic: Option<Vec<DVec3>>,
+}
+
+/// A splat with the number of its pixel.
+struct PlacedSplat {
+    pixel: u32,
+    is_caustic: bool,
+    radiance: DVec3,
+}
+
 impl LightPass<'_> {
-    /// The sums of the splats of a number of light subpaths, for each pixel of the frame.
-    pub(super) fn splats(&self, frame: u32, pass: u32, subpaths: u64) -> (Vec<DVec3>, Counters) {
-        let mut sums = vec![DVec3::ZERO; self.tile.pixels()];
+    /// The sums of the splats of a number of light subpaths.
+    pub(super) fn splats(&self, frame: u32, pass: u32, subpaths: u64) -> (SplatSums, Counters) {
+        let black = || vec![DVec3::ZERO; self.tile.pixels()];
+        let mut sums = SplatSums { all: black(), caustic: self.tile.has_caustic.then(black) };
         let mut counters = Counters::default();
         let groups = subpaths.div_ceil(GROUP);
         for first in (0..groups).step_by(GROUPS as usize) {
@@ -38,16 +54,19 @@ impl LightPass<'_> {
             let traced: Vec<_> = some.map(|group| self.group(frame, pass, group, subpaths)).collect();
             for (splats, of_group) in traced {
                 counters += of_group;
-                for (pixel, radiance) in splats {
-                    sums[pixel as usize] += radiance;
+                for PlacedSplat { pixel, is_caustic, radiance } in splats {
+                    sums.all[pixel as usize] += radiance;
+                    if let Some(caustic) = sums.caustic.as_mut().filter(|_| is_caustic) {
+                        caustic[pixel as usize] += radiance;
+                    }
                 }
             }
         }
         (sums, counters)
     }
 
-    /// The splats of a group, each with the number of its pixel.
-    fn group(&self, frame: u32, pass: u32, group: u64, subpaths: u64) -> (Vec<(u32, DVec3)>, Counters) {
+    /// The splats of a group.
+    fn group(&self, frame: u32, pass: u32, group: u64, subpaths: u64) -> (Vec<PlacedSplat>, Counters) {
         let (mut splats, mut counters) = (Vec::new(), Counters::default());
         for number in group * GROUP..subpaths.min((group + 1) * GROUP) {
             if self.cancelled.load(Ordering::Relaxed) {
@@ -56,7 +75,8 @@ impl LightPass<'_> {
             let mut stream = SampleStream::of_light(self.seed, frame, pass, number);
             self.tracer.splat(&mut stream, &mut counters, |splat| {
                 let [x, y] = splat.pixel;
-                splats.push((y * self.tile.width + x, splat.radiance));
+                let Splat { radiance, is_caustic, .. } = splat;
+                splats.push(PlacedSplat { pixel: y * self.tile.width + x, is_caustic, radiance });
             });
         }
         (splats, counters)

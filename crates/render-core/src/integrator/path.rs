@@ -8,6 +8,7 @@
 //! no walls: next event estimation finds it, too. Both techniques count each wall as a vertex.
 
 mod among_bodies;
+mod caustic;
 mod from_light;
 mod gathering;
 mod light_plane;
@@ -20,10 +21,12 @@ mod stretch;
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
+use self::caustic::Mirrors;
 use self::light_plane::LightPlane;
 use self::light_vertex::LightSubpath;
 use self::lobe::{Lobe, absorption_before, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
+pub(super) use self::splats::Splat;
 use self::stretch::{Origin, Stretch};
 use super::allocation::Allocation;
 use super::light_subpaths::{FromCamera, Starts};
@@ -47,6 +50,8 @@ use clerestory_film::{SampleStream, TileGrid};
 pub struct PathSample {
     /// Radiance, W/(m2 sr).
     pub radiance: DVec3,
+    /// The part of it that is caustic: glass or water has sent it to the surface that scatters it first.
+    pub caustic: DVec3,
     /// Reflectance of the first surface; 1 for glass, 0 for lights and where there is nothing.
     pub albedo: DVec3,
     /// Unit normal of the first surface, towards the camera; zero where there is nothing.
@@ -72,6 +77,7 @@ pub struct PathTracer<'a> {
     /// Whether camera samples are connected to light subpaths.
     is_connected: bool,
     light_plane: LightPlane,
+    mirrors: Mirrors,
     max_depth: u32,
     start: Start,
 }
@@ -126,6 +132,7 @@ impl<'a> PathTracer<'a> {
             starts: prepared.starts(),
             is_connected: allocation.is_connected,
             light_plane: LightPlane::new(allocation.splats, allocation.is_alone, grid),
+            mirrors: Mirrors::of(scene),
             max_depth,
             start: Start::of(scene),
         }
@@ -155,20 +162,20 @@ impl<'a> PathTracer<'a> {
             if walk.inside.is_none()
                 && let Some((index, light_hit)) = self.nearest_light(&walk, distance)
             {
-                sample.radiance += self.emission(&walk, index, &light_hit, counters);
+                sample.add(self.emission(&walk, index, &light_hit, counters), walk.stretch.is_caustic());
                 if walk.depth == 0 {
                     sample.depth += light_hit.distance;
                 }
                 return sample;
             }
             if walk.inside.is_none() && hit.is_none() {
-                sample.radiance += self.emission_from_infinity(&walk, counters);
+                sample.add(self.emission_from_infinity(&walk, counters), walk.stretch.is_caustic());
             }
             let Some(hit) = hit else { return sample };
             if walk.inside.is_none()
                 && let Some((light, light_hit)) = self.scene.light_on(&hit)
             {
-                sample.radiance += self.emission(&walk, light, &light_hit, counters);
+                sample.add(self.emission(&walk, light, &light_hit, counters), walk.stretch.is_caustic());
             }
             let meeting = self.meeting(&walk, &hit);
             if let Meeting::Straight(after) = meeting {
@@ -367,9 +374,11 @@ impl<'a> PathTracer<'a> {
             let is_open = walk.around.is_air() && interface.is_none();
             let by_light = if is_open { self.by_light(walk, &at, position) } else { FromCamera::default() };
             let lobe = Lobe { bsdf, at: &at, incident, receiver, bodies: [absorbs, behind], around, by_light };
-            self.add_scattered(walk, &here, &lobe, carried, &mut sample.radiance, stream, counters);
+            self.add_scattered(walk, &here, &lobe, carried, sample, stream, counters);
             if is_open {
-                sample.radiance += carried * self.connected_light(walk, &here, &lobe, from_light, counters);
+                let found = self.connected_light(walk, &here, &lobe, from_light, counters);
+                sample.radiance += carried * found.all;
+                sample.caustic += carried * found.caustic;
             }
             point = Some((here, receiver, by_light));
         }
@@ -406,6 +415,7 @@ impl<'a> PathTracer<'a> {
             SampleKind::Delta(event) => {
                 let link = Link { event, surface: ray_origin, position, direction: incident };
                 walk.stretch.choices = 0.0;
+                walk.stretch.is_over_glass |= caustic::is_glass(bsdf, event);
                 if event == SpecularEvent::Transmission && bsdf.as_straight().is_some() && walk.around.is_air() {
                     walk.stretch.pass(link, distance);
                 } else {
@@ -456,6 +466,7 @@ impl<'a> PathTracer<'a> {
                 (SpecularEvent::Reflection, reflect(direction, normal))
             }
         };
+        walk.stretch.is_over_glass = true;
         walk.stretch.push(Link { event, surface: walk.ray_origin, position, direction });
         walk.ray = Ray::new(position, next);
         self.advance(walk, event.into())

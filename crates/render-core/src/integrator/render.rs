@@ -105,12 +105,12 @@ impl Renderer<'_> {
         let plane =
             LightPass { tracer: &self.tracer, seed: self.sampler.seed, tile: self.tile, cancelled: self.cancelled };
         let subpaths = samples.saturating_mul(self.splatted.into());
-        let (beauty, mut counters) = plane.splats(address.frame, address.passes().first, subpaths);
+        let (splats, mut counters) = plane.splats(address.frame, address.passes().first, subpaths);
         if self.cancelled.load(Ordering::Relaxed) {
             return Err(RenderError::Cancelled);
         }
         counters.samples = samples;
-        let sums = PassSums { beauty, first_hit: None };
+        let sums = PassSums { beauty: splats.all, caustic: splats.caustic, first_hit: None };
         Ok(Rendered { node: Node::leaf(address, self.tile, self.sampling, &sums)?, counters })
     }
 
@@ -134,7 +134,8 @@ impl Renderer<'_> {
             normal: triples(|sample| sample.normal),
             depth: samples.iter().map(|sample| sample.depth).collect(),
         });
-        let sums = PassSums { beauty: triples(|sample| sample.radiance), first_hit };
+        let caustic = self.tile.has_caustic.then(|| triples(|sample| sample.caustic));
+        let sums = PassSums { beauty: triples(|sample| sample.radiance), caustic, first_hit };
         Ok(Rendered { node: Node::leaf(address, self.tile, self.sampling, &sums)?, counters })
     }
 
@@ -160,6 +161,7 @@ impl Renderer<'_> {
             let position = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + stream.next_2d();
             let seen = self.tracer.sample(self.scene.camera().ray(position), &mut stream, counters);
             sum.radiance += seen.radiance;
+            sum.caustic += seen.caustic;
             sum.albedo += seen.albedo;
             sum.normal += seen.normal;
             sum.depth += seen.depth;

@@ -303,6 +303,7 @@ async fn scene(State(coordinator): State<FakeCoordinator>, Path(job): Path<Strin
         assets: BTreeMap::new(),
         tile_size: state.edge / 2,
         light_plane: false,
+        caustic: false,
         passes: 1 << 20,
     })
 }

@@ -53,7 +53,7 @@ pub enum SchemaError {
 const SAME_BY_FIRST: i64 = 29;
 
 /// Migrations, each with its version and its name.
-pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 32] = [
+pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 33] = [
     (1, "first", include_str!("../../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../../migrations/0003_farm.sql")),
@@ -86,6 +86,7 @@ pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 32] = [
     (30, "names", include_str!("../../../migrations/0030_names.sql")),
     (31, "import_notes", include_str!("../../../migrations/0031_import_notes.sql")),
     (32, "light_plane", include_str!("../../../migrations/0032_light_plane.sql")),
+    (33, "caustic", include_str!("../../../migrations/0033_caustic.sql")),
 ];
 
 /// The table of applied migrations. Newer builds leave the checksum empty.

@@ -3,7 +3,8 @@
 //! An image has the bits of one build. So a job is pinned to the build fingerprint of the first worker that gets a
 //! lease on it. The fingerprint is the digest of the probe by the job's own method. Other workers render the job only
 //! if they registered the same digest. A worker registers a digest for each number of probe cases of a method, so that
-//! a build with one more case still matches.
+//! a build with one more case still matches. The digests for a job whose film has the layer `caustic` are those of
+//! images with that layer. So workers that lack it get no lease on the job.
 //!
 //! Workers of older builds register a single digest of all methods. Their jobs are pinned to that one. Newer workers
 //! register it too, and continue such jobs. A job of many lights is not continued, because older builds ask them all.
@@ -11,6 +12,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{BuildWait, JobId, WorkerId};
+use clerestory_render_core::document::WITH_CAUSTIC;
 
 use crate::model::JobRecord;
 use crate::store::database::Store;
@@ -22,7 +24,8 @@ use crate::store::engine::sql::query;
 /// SQL condition on rows of `jobs` and `workers`: the worker can read the job's scene, knows the light plane if there
 /// is one, and has the build fingerprint that the job is pinned to. Builds with the method `light` know light planes.
 pub(in crate::store) const MATCHES_PIN: &str = "(((select 1 from method_digests as own \
-     where own.worker = workers.id and own.method = jobs.integrator limit 1) is not null \
+     where own.worker = workers.id and own.method = jobs.integrator \
+     || (case jobs.caustic when 0 then '' else ' with caustic' end) limit 1) is not null \
      or (jobs.read_by_first = 1 \
      and (select 1 from method_digests as own where own.worker = workers.id limit 1) is null)) \
      and (jobs.probe_digest is null \
@@ -47,7 +50,8 @@ pub(in crate::store) fn matches_pin_of(worker: &str) -> String {
 pub(in crate::store) fn pin_of(worker: &str) -> String {
     format!(
         "coalesce((select own.digest from method_digests as own where own.worker = {worker} \
-         and own.method = jobs.integrator order by own.cases desc limit 1), \
+         and own.method = jobs.integrator || (case jobs.caustic when 0 then '' else '{WITH_CAUSTIC}' end) \
+         order by own.cases desc limit 1), \
          (select workers.probe_digest from workers where workers.id = {worker}), '')"
     )
 }
@@ -162,7 +166,7 @@ impl Store {
             return Ok(None);
         }
         if job.probe_digest.is_none() {
-            return Ok(Some(BuildWait { reason: unread(&job.integrator), build: None, machine: None }));
+            return Ok(Some(BuildWait { reason: unread(job), build: None, machine: None }));
         }
         let last = query(format!(
             "select workers.name, workers.build from workers join jobs on jobs.id = $1 where {MATCHES_PIN} \
@@ -176,7 +180,14 @@ impl Store {
 }
 
 /// Why a job waits that no worker can read.
-fn unread(method: &str) -> String {
+fn unread(job: &JobRecord) -> String {
+    let method = &job.integrator;
+    if job.grid.has_caustic {
+        return format!(
+            "the workers that are there are of older builds, which know no `{method}` or no layer `caustic`; update the \
+             workers"
+        );
+    }
     format!(
         "the workers that are there are of older builds, which know no `{method}` or no version 2 of the scene format; \
          update the workers, or submit the scene as version 1 with another integrator"

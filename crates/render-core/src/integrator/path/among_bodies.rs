@@ -251,6 +251,7 @@ impl PathTracer<'_> {
         }
         walk.stretch.is_left_to_chance |= self.scene.media().is_immersed(body);
         walk.stretch.choices = 0.0;
+        walk.stretch.is_over_glass = true;
         let link = Link { event, surface, position: point, direction };
         walk.stretch.push(link);
         walk.ray_origin = surface;

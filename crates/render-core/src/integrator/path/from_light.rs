@@ -9,6 +9,7 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
+use super::caustic::Gathered;
 use super::light_vertex::{FoundBy, LightSubpath, LightVertex, OneSubpath};
 use super::lobe::{Lobe, absorption_before, absorption_behind};
 use super::media::{Around, Meeting};
@@ -251,14 +252,14 @@ impl PathTracer<'_> {
         lobe: &Lobe<'_>,
         subpaths: &LightSubpath<'_>,
         counters: &mut Counters,
-    ) -> DVec3 {
-        let mut sum = DVec3::ZERO;
+    ) -> Gathered {
+        let mut sum = Gathered::default();
         for subpath in subpaths {
             for number in 0..subpath.vertices.len() {
-                sum += self.connection(walk, point, lobe, (subpath, number), counters);
+                sum.add(self.connection(walk, point, lobe, (subpath, number), counters), subpath.is_caustic());
             }
         }
-        sum / f64::from(SUBPATHS)
+        Gathered { all: sum.all / f64::from(SUBPATHS), caustic: sum.caustic / f64::from(SUBPATHS) }
     }
 
     fn connection(

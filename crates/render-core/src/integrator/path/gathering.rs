@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
+use super::caustic::Gathered;
 use super::lobe::{Lobe, sides};
-use super::{PathTracer, Walk};
+use super::{PathSample, PathTracer, Walk};
 use crate::document::PathEvent;
 use crate::geometry::{MOST_PASSED, Ray};
 use crate::light::{AskedLight, LightHit, Receiver};
@@ -29,12 +30,12 @@ impl PathTracer<'_> {
         point: &ShadingPoint,
         lobe: &Lobe<'_>,
         carried: DVec3,
-        radiance: &mut DVec3,
+        sample: &mut PathSample,
         stream: &mut SampleStream,
         counters: &mut Counters,
     ) {
         if self.scene.has_straight_meshes() || self.accepts(walk.filter, &[PathEvent::Light]) {
-            *radiance += carried * self.direct_light(walk, point, lobe, stream, counters);
+            sample.radiance += carried * self.direct_light(walk, point, lobe, stream, counters);
         }
         // Methods know air on this side alone.
         let chains = if walk.around.is_air() { &self.chains[..] } else { &[] };
@@ -42,7 +43,9 @@ impl PathTracer<'_> {
             let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
             if fits && self.accepts(walk.filter, &chain.with_light) {
                 for side in sides(*point, lobe.bsdf.gathers_behind()) {
-                    *radiance += carried * self.specular_light(&side, lobe, &chain.events, stream, counters);
+                    let found = self.specular_light(&side, lobe, &chain.events, stream, counters);
+                    sample.radiance += carried * found.all;
+                    sample.caustic += carried * found.caustic;
                 }
             }
         }
@@ -97,14 +100,15 @@ impl PathTracer<'_> {
         events: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
-    ) -> DVec3 {
-        let mut sum = DVec3::ZERO;
+    ) -> Gathered {
+        let mut sum = Gathered::default();
         let Some(method) = self.method else { return sum };
         let receiver = Receiver::anywhere(point.position);
         for AskedLight { light, probability } in self.scene.light_sampler().ask(&receiver, stream) {
             method.sample_li(self.scene, point, light, events, stream, counters, &mut |arrival| {
                 let share = self.share_of_method(&arrival, light, probability, lobe);
-                sum += arrival.weight * lobe.eval(arrival.direction) * (share / probability);
+                let light = arrival.weight * lobe.eval(arrival.direction) * (share / probability);
+                sum.add(light, self.is_over_glass(point, arrival.direction, events));
             });
         }
         sum

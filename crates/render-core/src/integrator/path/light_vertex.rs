@@ -31,6 +31,14 @@ pub(super) struct OneSubpath<'a> {
     pub(super) found: [OnceCell<FoundBy>; 3],
 }
 
+impl OneSubpath<'_> {
+    /// Whether its light is caustic. A light subpath goes over no other glass before its first vertex than the pane on
+    /// which it begins, and over panes behind that.
+    pub(super) fn is_caustic(&self) -> bool {
+        self.start.on.is_some()
+    }
+}
+
 /// How else than by a light subpath the light at the first vertex of one is found.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum FoundBy {

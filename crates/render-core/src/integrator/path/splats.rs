@@ -17,6 +17,8 @@ pub(in crate::integrator) struct Splat {
     pub(in crate::integrator) pixel: [u32; 2],
     /// Over the number of light subpaths for a sample of each pixel, W/(m2 sr).
     pub(in crate::integrator) radiance: DVec3,
+    /// Whether it is caustic.
+    pub(in crate::integrator) is_caustic: bool,
 }
 
 impl PathTracer<'_> {
@@ -61,7 +63,8 @@ impl PathTracer<'_> {
         }
         let by_camera = self.by_camera(subpath, number, towards_camera, number as u32, counters)?;
         let share = splat_share(self.light_plane.shared_by, seen, by_camera);
-        Some(Splat { pixel: sight.pixel, radiance: scattered * (seen * share / self.light_plane.subpaths) })
+        let radiance = scattered * (seen * share / self.light_plane.subpaths);
+        Some(Splat { pixel: sight.pixel, radiance, is_caustic: subpath.is_caustic() })
     }
 
     /// What the light plane finds of a path whose first vertex is `position`, where the camera sees it at a cosine.

@@ -23,6 +23,8 @@ pub(super) struct Stretch {
     pub(super) is_left_to_chance: bool,
     /// Whether next event estimation finds none of it: it goes straight through what stops a shadow ray.
     pub(super) is_unseen: bool,
+    /// Whether one of its specular vertices is of glass or water.
+    pub(super) is_over_glass: bool,
     /// The probability of what happened at its specular vertices; 0 where light subpaths do not go its way, which are
     /// panes alone.
     pub(super) choices: f64,
@@ -37,6 +39,7 @@ impl Stretch {
             links: ArrayVec::new(),
             is_left_to_chance: false,
             is_unseen: false,
+            is_over_glass: false,
             choices: 1.0,
         }
     }
@@ -47,6 +50,11 @@ impl Stretch {
             self.is_left_to_chance = true;
             self.choices = 0.0;
         }
+    }
+
+    /// Whether light that it meets is caustic: it has come over glass or water to a surface that scatters it.
+    pub(super) fn is_caustic(&self) -> bool {
+        self.from.is_some() && self.is_over_glass
     }
 
     /// Whether light subpaths may go its way.

@@ -1,0 +1,2 @@
+-- Whether the film of a job has the layer `caustic`.
+alter table jobs add column caustic integer not null default 0;
