@@ -21,7 +21,8 @@ pub struct WorkerRegistration {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_digest: Option<String>,
     /// Digests of the probe by the name of the method: of its first probe case, of its first two, and so on. They tell
-    /// builds and machines apart that compute other bits. Workers of older builds send none.
+    /// builds and machines apart that compute other bits. Those of images with the layer `caustic` have ` with caustic`
+    /// behind the name. Workers of older builds send none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub method_digests: BTreeMap<String, Vec<String>>,
 }

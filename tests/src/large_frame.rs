@@ -21,7 +21,7 @@ pub const PASSES: u32 = 2;
 pub const OPTIONS: [&str; 4] = ["--spp", "2", "--integrator", "path"];
 
 /// Bytes of a pixel of such an image: all layers, uncompressed.
-pub const PIXEL_BYTES: u64 = 56;
+pub const PIXEL_BYTES: u64 = 68;
 
 /// A shipped scene with an image of this size, with one sample in a pass and a block.
 ///
@@ -118,6 +118,7 @@ fn channels(strip: &ImageRows) -> BTreeMap<String, Vec<u32>> {
     let (rgb, xyz) = (["R", "G", "B"], ["X", "Y", "Z"]);
     triples("", rgb, &layers.mean);
     layers.standard_error.iter().for_each(|errors| triples("stderr.", rgb, errors));
+    layers.caustic.iter().for_each(|caustic| triples("caustic.", rgb, caustic));
     layers.albedo.iter().for_each(|albedo| triples("albedo.", rgb, albedo));
     layers.normal.iter().for_each(|normal| triples("normal.", xyz, normal));
     if let Some(depth) = &layers.depth {

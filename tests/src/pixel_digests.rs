@@ -9,14 +9,15 @@ use clerestory_film::{DecodeBudget, FrameImage, ImageLayers};
 /// A picture in short.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PixelDigest {
-    /// BLAKE3 of the bits of all layers, 32 hexadecimal digits of it.
+    /// BLAKE3 of the bits of all layers but `caustic`, 32 hexadecimal digits of it.
     digest: String,
     /// Mean of all channels of the picture, for people who want to know how much a change changed.
     mean: String,
 }
 
 impl PixelDigest {
-    /// The digest of the layers of an image. It does not depend on how files hold them.
+    /// The digest of the layers of an image. It does not depend on how files hold them. The layer `caustic` is left out,
+    /// so that digests which were recorded without it stay.
     pub fn of(layers: &ImageLayers) -> Self {
         let mut hasher = blake3::Hasher::new();
         let mut add = |name: &str, bits: Option<Vec<u32>>| {

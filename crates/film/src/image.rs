@@ -207,6 +207,7 @@ pub(super) mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::DecodeBudget;
     use crate::address::{NodeAddress, Tile};
     use crate::node::{Node, PassSums};
     use crate::sampler::{SampleStream, SamplerSettings};
@@ -304,7 +305,8 @@ pub(super) mod tests {
                 depth: vec![0.0; tile.pixels()],
             });
             let address = NodeAddress { frame: 0, tile: 0, level: 0, index: pass };
-            film.insert(Node::leaf(address, tile, sampling, &PassSums { beauty, caustic: None, first_hit }).unwrap()).unwrap();
+            film.insert(Node::leaf(address, tile, sampling, &PassSums { beauty, caustic: None, first_hit }).unwrap())
+                .unwrap();
         }
         let grid = TileGrid::new(64, 64, 64);
         let image = FrameImage::assemble(&grid, &[film.sum(64).unwrap()], metadata()).unwrap();
@@ -360,6 +362,36 @@ pub(super) mod tests {
         // One block of the light plane: nothing is known of its error.
         let short: Vec<TileSum> = camera.iter().cloned().chain([sum(4, 7)]).collect();
         assert!(FrameImage::assemble(&grid, &short, metadata()).unwrap().layers().standard_error.is_none());
+    }
+
+    #[test]
+    fn the_layer_caustic_is_the_sum_of_its_planes_each_over_its_own_count() {
+        let grid = GRID.with_light_plane(true).with_caustic(true);
+        let sum = |index: u32, passes: u32| {
+            let tile = grid.tile(index).unwrap();
+            let mut film = FilmTile::new(0, index, tile, sampling());
+            for pass in 0..passes {
+                film.insert(noise_node(NodeAddress { frame: 0, tile: index, level: 0, index: pass }, tile, sampling()))
+                    .unwrap();
+            }
+            film.sum(passes).unwrap()
+        };
+        let sums = [sum(0, 9), sum(4, 8)];
+        let image = FrameImage::assemble(&grid, &sums, metadata()).unwrap();
+        let caustic = image.layers().caustic.as_ref().unwrap();
+        let [camera, light] = [&sums[0], &sums[1]].map(|sum| &sum.layers.caustic.as_ref().unwrap()[0]);
+        for channel in 0..3 {
+            let [camera, light] = [(camera, 36.0), (light, 32.0)].map(|(sum, count)| f64::from(sum[channel]) / count);
+            assert_eq!(caustic[0][channel], camera as f32 + light as f32);
+        }
+        assert_eq!(caustic[34], [0.0; 3], "the camera plane has nothing there yet");
+        assert_eq!(FrameImage::decode(&image.encode().unwrap(), DecodeBudget { pixel_bytes: 1 << 20 }).unwrap(), image);
+        let mut layers = image.layers().clone();
+        layers.caustic.as_mut().unwrap()[8][1] = f32::NAN;
+        let error = FrameImage::new(7, 5, layers, None).unwrap_err().to_string();
+        assert_eq!(error, "layer caustic is not finite at pixel (1, 1)");
+        let without = FrameImage::assemble(&GRID, &[tile_sum(0, 9)], metadata()).unwrap();
+        assert!(without.layers().caustic.is_none());
     }
 
     #[test]

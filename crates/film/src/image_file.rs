@@ -11,9 +11,7 @@ use std::collections::BTreeMap;
 
 use super::image::{FrameImage, ImageMetadata};
 use super::image_error::ImageError;
-use super::image_layers::{
-    ALBEDO, CAUSTIC, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR,
-};
+use super::image_layers::{ALBEDO, CAUSTIC, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR};
 use super::image_writer::ImageWriter;
 use super::openexr::{self, DecodeBudget, InputPart, OpenExr, Plane};
 use super::openexr_error::OpenExrError;

@@ -14,9 +14,7 @@ use rayon::prelude::*;
 
 use super::address::Tile;
 use super::image::ImageMetadata;
-use super::image_layers::{
-    ALBEDO, CAUSTIC, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR,
-};
+use super::image_layers::{ALBEDO, CAUSTIC, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR};
 use super::openexr::{self, OutputPart, Samples};
 use super::openexr_error::OpenExrError;
 

@@ -238,7 +238,12 @@ mod tests {
 
     #[test]
     fn nodes_of_the_light_plane_come_back_as_they_were() {
-        let grid = GRID.with_light_plane(true);
+        check_light_nodes(GRID.with_light_plane(true));
+        check_light_nodes(GRID.with_light_plane(true).with_caustic(true));
+    }
+
+    #[track_caller]
+    fn check_light_nodes(grid: TileGrid) {
         let tile = grid.light_tile().unwrap();
         let nodes: Vec<Rendered> = [(0, 0), (2, 1)]
             .map(|(level, index)| address(tile, level, index))
@@ -253,6 +258,27 @@ mod tests {
         }
         let without = Expectation { grid: GRID, ..expected };
         assert_refused(&bytes, &without, "tile 4");
+    }
+
+    #[test]
+    fn nodes_have_the_layer_caustic_where_the_film_has_it() {
+        let grid = GRID.with_caustic(true);
+        let with = [address(0, 3, 0), address(3, 0, 9)]
+            .map(|address| counted(noise_node(address, grid.tile(address.tile).unwrap(), sampling())));
+        let bytes = encode(&with, &header(), &grid).unwrap();
+        let expected = Expectation { grid, ..expectation(&with) };
+        let found = decode(&bytes, &expected, expected.budget()).unwrap();
+        assert_eq!(all_bits(&found), all_bits(&with));
+        for rendered in &with {
+            assert_eq!(crate::store::decode(&crate::store::encode(&rendered.node)).unwrap(), rendered.node);
+        }
+        // Of a worker of an older build, and for a job that an older build began.
+        let without = nodes();
+        assert_refused(&encoded(&without[..1]), &expected, "lacks the 32-bit float channel caustic.R");
+        assert_refused(&bytes, &expectation(&with), "has a channel caustic.B, which it must not have");
+        let values = vec![f32::NAN; with[0].node.tile().pixels()];
+        let nan = forged(&with[0], |part| _ = part.channels.insert("caustic.G".to_owned(), Samples::Float(&values)));
+        assert_refused(&nan, &expected, "layer caustic has the value NaN at pixel (0, 0)");
     }
 
     #[track_caller]

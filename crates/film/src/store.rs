@@ -209,7 +209,9 @@ mod tests {
 
     #[test]
     fn a_stored_node_comes_back_with_the_same_bits() {
-        for node in [node(0, 0), node(1, 3), node(2, 1), node(4, 0), odd_node()] {
+        let with_caustic = Tile { has_caustic: true, ..TILE };
+        let with_caustic = noise_node(node(4, 0).address(), with_caustic, node(4, 0).sampling());
+        for node in [node(0, 0), node(1, 3), node(2, 1), node(4, 0), with_caustic, odd_node()] {
             let stored = encode(&node);
             let found = decode(&stored).unwrap();
             assert_eq!(found, node);

@@ -321,7 +321,7 @@ mod tests {
         NodeAddress { frame: 0, tile: 0, level, index }
     }
 
-    const TILE: Tile = Tile::new([3, 2], [4, 2]);
+    const TILE: Tile = Tile { has_caustic: true, ..Tile::new([3, 2], [4, 2]) };
 
     fn film_tile() -> FilmTile {
         FilmTile::new(0, 0, TILE, sampling())

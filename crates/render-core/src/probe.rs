@@ -186,7 +186,8 @@ mod tests {
     #[test]
     fn every_case_of_the_first_probe_has_an_image_of_its_own() {
         let mut images = Images::default();
-        let all: BTreeSet<Vec<u8>> = FIRST_PROBE.iter().map(|case| images.image(case).unwrap().without_caustic.clone()).collect();
+        let all: BTreeSet<Vec<u8>> =
+            FIRST_PROBE.iter().map(|case| images.image(case).unwrap().without_caustic.clone()).collect();
         assert_eq!(all.len(), FIRST_PROBE.len());
     }
 

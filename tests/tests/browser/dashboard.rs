@@ -4,9 +4,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot drive its browser has failed")]
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clerestory_api::{Client, LeaseRequest, PartialUpload, WorkerRegistration};
+use clerestory_render_core::document::WITH_CAUSTIC;
 use clerestory_tests::browser::Browser;
 use clerestory_tests::calls::Caller;
 use clerestory_tests::farm::Farm;
@@ -266,11 +268,14 @@ async fn a_held_job_says_why_and_goes_on_when_it_is_released() {
     let job = farm.submit(&scene(), &["--size", "16x16", "--spp", "16"]);
     let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
     browser.shows("article.job .state", "Queued").await;
+    // They know the layer `caustic` of scenes with glass.
+    let method_digests = BTreeMap::from([(format!("fnee{WITH_CAUSTIC}"), vec!["digest".to_owned()])]);
     for name in ["nave", "aisle", "apse"] {
         let registration = WorkerRegistration {
             name: name.to_owned(),
             cores: 1,
             build: "by hand".to_owned(),
+            method_digests: method_digests.clone(),
             ..WorkerRegistration::default()
         };
         let worker = client.register_worker(&registration).await.unwrap().id;

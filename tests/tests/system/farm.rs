@@ -5,6 +5,7 @@ use std::process::Command;
 use std::sync::LazyLock;
 
 use clerestory_api::{JobState, JobView, StopReason};
+use clerestory_film::{DecodeBudget, FrameImage};
 use clerestory_test_servers::{S3Server, postgres, s3};
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, rendered_alone, rendered_by};
@@ -66,6 +67,7 @@ fn farms_of_any_size_make_the_same_bits_as_one_process() {
     let orders = orders.map(|order| {
         let folder = tempfile::tempdir().unwrap();
         let alone = order.rendered_alone(&folder);
+        assert!(has_caustics(&alone), "{}: no light in the layer caustic", order.scene);
         (order, folder, alone)
     });
     for (workers, tile, lease_nodes) in [(1, "64", "1"), (2, "16", "9"), (5, "16", "3")] {
@@ -78,6 +80,13 @@ fn farms_of_any_size_make_the_same_bits_as_one_process() {
             assert_made_alike(&rendered_by(&farm, folder.path()), alone);
         }
     }
+}
+
+/// Whether the layer `caustic` of an image has light.
+fn has_caustics(image: &Path) -> bool {
+    let file = std::fs::read(image).expect("a file");
+    let image = FrameImage::decode(&file, DecodeBudget { pixel_bytes: 1 << 24 }).expect("an image");
+    image.layers().caustic.as_ref().is_some_and(|layer| layer.as_flattened().iter().any(|value| *value > 0.0))
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub(crate) struct ConvertArguments {
     /// Show a part of the image: its width and height in pixels, and the column and row of its top left corner.
     #[arg(long, value_name = "WxH+X+Y")]
     crop: Option<Crop>,
-    /// Show another layer than the picture, such as albedo, depth or stderr.
+    /// Show another layer than the picture, such as caustic, albedo, depth or stderr.
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
 }

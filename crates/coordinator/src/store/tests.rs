@@ -97,7 +97,8 @@ use pins::{
     a_job_of_an_older_build_goes_on_with_workers_of_the_same_first_digest,
     a_job_of_many_lights_stays_with_the_builds_that_began_it,
     a_job_that_older_workers_cannot_read_is_left_to_newer_ones,
-    a_job_whose_method_has_changed_waits_and_names_the_two_ways_out, a_new_probe_case_strands_no_job,
+    a_job_whose_method_has_changed_waits_and_names_the_two_ways_out,
+    a_job_with_the_layer_caustic_is_left_to_workers_that_know_it, a_new_probe_case_strands_no_job,
 };
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
 use scene_reports::{
@@ -493,6 +494,7 @@ on_both! {
     a_job_of_many_lights_stays_with_the_builds_that_began_it
     a_job_of_an_older_build_goes_on_with_workers_of_the_same_first_digest
     a_job_that_older_workers_cannot_read_is_left_to_newer_ones
+    a_job_with_the_layer_caustic_is_left_to_workers_that_know_it
     a_job_whose_method_has_changed_waits_and_names_the_two_ways_out
     stragglers_do_not_delay_the_end
     stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long

@@ -504,6 +504,8 @@ impl<'a> PathTracer<'a> {
 }
 
 #[cfg(test)]
+mod caustic_tests;
+#[cfg(test)]
 mod double_glazing_tests;
 #[cfg(test)]
 mod from_light_tests;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use clerestory_api::{BuildWait, JobId, WorkerId, WorkerRegistration};
+use clerestory_render_core::document::WITH_CAUSTIC;
 
 use crate::model::NewJob;
 use crate::store::tests::{Farm, Grant};
@@ -150,4 +151,24 @@ pub(super) async fn a_job_that_older_workers_cannot_read_is_left_to_newer_ones(f
     assert_eq!(wait(&farm, job, 0).await, None);
     assert_eq!(claimed(&farm, newer).await, Some(job));
     assert_eq!(pin(&farm, job).await, "a");
+}
+
+pub(super) async fn a_job_with_the_layer_caustic_is_left_to_workers_that_know_it(farm: Farm) {
+    let with_caustic = |job: NewJob| NewJob { grid: job.grid.with_caustic(true), is_read_by_first: false, ..job };
+    let job = farm.job_like(with_caustic).await;
+    let before = worker(&farm, "before", "first", &[("path", &["p"])]).await;
+    assert_eq!(claimed(&farm, before).await, None);
+    let reason = wait(&farm, job, 0).await.unwrap().reason;
+    assert!(reason.contains("no layer `caustic`") && reason.contains("update the workers"), "{reason}");
+    let without = job_with(&farm, "path").await;
+    assert_eq!(farm.claim(before, 1, 0).await.unwrap().lease.job, without, "it knows all of this one");
+
+    let name = format!("path{WITH_CAUSTIC}");
+    let newer = worker(&farm, "newer", "first", &[("path", &["p"]), (&name, &["c"])]).await;
+    assert_eq!(wait(&farm, job, 0).await, None);
+    assert_eq!(claimed(&farm, newer).await, Some(job));
+    assert_eq!((pin(&farm, job).await, pin(&farm, without).await), ("c".to_owned(), "p".to_owned()));
+    let others = worker(&farm, "others", "first", &[("path", &["p"]), (&name, &["other"])]).await;
+    assert_eq!(claimed(&farm, others).await, Some(without), "its caustics have other bits");
+    assert!(farm.record(job).await.grid.has_caustic && !farm.record(without).await.grid.has_caustic);
 }
