@@ -16,8 +16,8 @@ pub struct PixelDigest {
 }
 
 impl PixelDigest {
-    /// The digest of the layers of an image. It does not depend on how files hold them. The layer `caustic` is left out,
-    /// so that digests which were recorded without it stay.
+    /// The digest of the layers of an image. It does not depend on how files hold them. The layer `caustic` is left
+    /// out, so that digests which were recorded without it stay.
     pub fn of(layers: &ImageLayers) -> Self {
         let mut hasher = blake3::Hasher::new();
         let mut add = |name: &str, bits: Option<Vec<u32>>| {

@@ -5,7 +5,7 @@
 //! | bytes | what |
 //! | --- | --- |
 //! | 8 | `CLRSNODE` |
-//! | 4 | 1 for a node of the camera plane, 2 for one of the light plane; 3 and 4 for the same with the layer `caustic` |
+//! | 4 | 1 for a node of the camera plane, 2 for one of the light plane; 3 and 4 with the layer `caustic` |
 //! | 4 x 4 | frame, tile, level, index |
 //! | 4 x 4 | tile: left, top, width, height in pixels |
 //! | 2 x 4 | samples in a pass, samples in a block |

@@ -2,7 +2,7 @@
 //!
 //! The digests of its images tell machines and builds apart that compute other bits, before they render anything that
 //! counts. Each method has digests of its own, so that a new method or a new probe case changes no digest of another.
-//! Digests of images with the layer `caustic` have names of their own. So builds that lack it go on with jobs without it.
+//! Digests of images with the layer `caustic` have names of their own. So builds that lack it go on with other jobs.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;

@@ -21,9 +21,9 @@ pub(in crate::store) const COLUMNS: &str = "\
      id, name, state, stopped_by, failure, failed_node, hold, priority, scene_hash, integrator, missing_light, \
      assumptions, scene_is_built, left_to_chance, chosen_methods, import_notes, scene_refusal, frames, width, height, \
      tile_size, light_plane, caustic, samples_per_pass, samples_per_block, passes, reference, probe_digest, \
-     time_limit_ms, target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
-     cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, redone_nodes, samples, \
-     core_ms, counters";
+     time_limit_ms, target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, \
+     reopened_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, redone_nodes, \
+     samples, core_ms, counters";
 
 /// The job of a row.
 pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {

@@ -71,7 +71,7 @@ pub trait MaterialSettings {
         self.is_delta()
     }
 
-    /// Whether it may send light into single directions as glass or water does, so that images have the layer `caustic`.
+    /// Whether it may send light into single directions as glass or water does. Then images have the layer `caustic`.
     fn makes_caustics(&self) -> bool {
         false
     }

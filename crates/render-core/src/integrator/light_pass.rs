@@ -10,7 +10,7 @@ use clerestory_film::{SampleStream, Tile};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::path::{PathTracer, Splat};
+use super::path::PathTracer;
 
 /// Subpaths that one thread traces at a time.
 const GROUP: u64 = 1 << 10;
@@ -75,7 +75,7 @@ impl LightPass<'_> {
             let mut stream = SampleStream::of_light(self.seed, frame, pass, number);
             self.tracer.splat(&mut stream, &mut counters, |splat| {
                 let [x, y] = splat.pixel;
-                let Splat { radiance, is_caustic, .. } = splat;
+                let (is_caustic, radiance) = (splat.is_caustic, splat.radiance);
                 splats.push(PlacedSplat { pixel: y * self.tile.width + x, is_caustic, radiance });
             });
         }

@@ -26,7 +26,6 @@ use self::light_plane::LightPlane;
 use self::light_vertex::LightSubpath;
 use self::lobe::{Lobe, absorption_before, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
-pub(super) use self::splats::Splat;
 use self::stretch::{Origin, Stretch};
 use super::allocation::Allocation;
 use super::light_subpaths::{FromCamera, Starts};

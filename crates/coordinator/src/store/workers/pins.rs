@@ -184,8 +184,8 @@ fn unread(job: &JobRecord) -> String {
     let method = &job.integrator;
     if job.grid.has_caustic {
         return format!(
-            "the workers that are there are of older builds, which know no `{method}` or no layer `caustic`; update the \
-             workers"
+            "the workers that are there are of older builds, which know no `{method}` or no layer `caustic`; update \
+             the workers"
         );
     }
     format!(

@@ -5,12 +5,9 @@
 
 use glam::DVec3;
 
-use super::{PathSample, PathTracer};
 use crate::bsdf::Bsdf;
-use crate::geometry::{Ray, Surface, SurfaceId};
-use crate::scene::{Scene, ShadingPoint};
+use crate::scene::Scene;
 use crate::specular::SpecularEvent;
-use clerestory_film::counters::Counters;
 
 /// Light that a vertex gathers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,15 +38,6 @@ impl Gathered {
     }
 }
 
-impl PathSample {
-    pub(super) fn add(&mut self, light: DVec3, is_caustic: bool) {
-        self.radiance += light;
-        if is_caustic {
-            self.caustic += light;
-        }
-    }
-}
-
 impl Mirrors {
     pub(super) fn of(scene: &Scene) -> Self {
         let specular = || scene.meshes().iter().filter(|mesh| mesh.is_specular());
@@ -66,40 +54,4 @@ impl Mirrors {
 pub(super) fn is_glass(bsdf: &dyn Bsdf, event: SpecularEvent) -> bool {
     let is_mirrored_by_wall = bsdf.as_straight().is_some() && event == SpecularEvent::Reflection;
     bsdf.interior().is_some() || is_mirrored_by_wall
-}
-
-impl PathTracer<'_> {
-    /// Whether a path that a method has found from a point in a direction, over a chain, goes over glass or water.
-    pub(super) fn is_over_glass(&self, point: &ShadingPoint, direction: DVec3, events: &[SpecularEvent]) -> bool {
-        // No mirror of metal transmits light, and methods do not search thin walls.
-        if events.contains(&SpecularEvent::Transmission) {
-            return true;
-        }
-        match self.mirrors {
-            Mirrors::Glass => true,
-            Mirrors::Metal => false,
-            Mirrors::Both => self.is_mirrored_by_glass(point, direction, events.len()),
-        }
-    }
-
-    /// Whether one of the mirrors is of glass or water that a ray meets one after the other.
-    fn is_mirrored_by_glass(&self, point: &ShadingPoint, direction: DVec3, mirrors: usize) -> bool {
-        // These rays are no work of the method.
-        let counters = &mut Counters::default();
-        let (mut ray, mut origin) = (Ray::new(point.position, direction), point.surface);
-        for _ in 0..mirrors {
-            let hit = self.scene.accelerator().closest_hit(&ray, f64::INFINITY, origin, counters);
-            let Some(hit) = hit else { return false };
-            let Surface::Triangle { index, barycentric } = hit.surface else { return true };
-            if self.scene.bsdf(index).interior().is_some() {
-                return true;
-            }
-            let at = self.scene.surface_point(index, barycentric);
-            let Some(mirrored) = self.scene.delta_bsdf(index).and_then(|bsdf| bsdf.reflect(ray.direction, &at)) else {
-                return false;
-            };
-            (ray, origin) = (Ray::new(ray.at(hit.distance), mirrored.direction), SurfaceId::Triangle(index));
-        }
-        false
-    }
 }

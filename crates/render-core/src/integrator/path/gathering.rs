@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use super::caustic::Gathered;
+use super::caustic::{Gathered, Mirrors};
 use super::lobe::{Lobe, sides};
 use super::{PathSample, PathTracer, Walk};
 use crate::document::PathEvent;
-use crate::geometry::{MOST_PASSED, Ray};
+use crate::geometry::{MOST_PASSED, Ray, Surface, SurfaceId};
 use crate::light::{AskedLight, LightHit, Receiver};
 use crate::scene::ShadingPoint;
 use crate::specular::SpecularEvent;
@@ -19,6 +19,16 @@ const BEHIND_WALLS: [PathEvent; MOST_PASSED + 1] = {
     events[MOST_PASSED] = PathEvent::Light;
     events
 };
+
+impl PathSample {
+    /// Adds light that the path has met.
+    pub(super) fn add(&mut self, light: DVec3, is_caustic: bool) {
+        self.radiance += light;
+        if is_caustic {
+            self.caustic += light;
+        }
+    }
+}
 
 impl PathTracer<'_> {
     /// Adds the light that a vertex scatters into the path: straight from the lights, and over chains of specular
@@ -118,5 +128,39 @@ impl PathTracer<'_> {
     fn fits(&self, walk: &Walk, walls: usize) -> bool {
         walk.depth as usize + walls <= self.max_depth as usize
             && self.accepts(walk.filter, &BEHIND_WALLS[MOST_PASSED - walls..])
+    }
+
+    /// Whether a path that a method has found from a point in a direction, over a chain, goes over glass or water.
+    fn is_over_glass(&self, point: &ShadingPoint, direction: DVec3, events: &[SpecularEvent]) -> bool {
+        // No mirror of metal transmits light, and methods do not search thin walls.
+        if events.contains(&SpecularEvent::Transmission) {
+            return true;
+        }
+        match self.mirrors {
+            Mirrors::Glass => true,
+            Mirrors::Metal => false,
+            Mirrors::Both => self.is_mirrored_by_glass(point, direction, events.len()),
+        }
+    }
+
+    /// Whether one of the mirrors is of glass or water that a ray meets one after the other.
+    fn is_mirrored_by_glass(&self, point: &ShadingPoint, direction: DVec3, mirrors: usize) -> bool {
+        // These rays are no work of the method.
+        let counters = &mut Counters::default();
+        let (mut ray, mut origin) = (Ray::new(point.position, direction), point.surface);
+        for _ in 0..mirrors {
+            let hit = self.scene.accelerator().closest_hit(&ray, f64::INFINITY, origin, counters);
+            let Some(hit) = hit else { return false };
+            let Surface::Triangle { index, barycentric } = hit.surface else { return true };
+            if self.scene.bsdf(index).interior().is_some() {
+                return true;
+            }
+            let at = self.scene.surface_point(index, barycentric);
+            let Some(mirrored) = self.scene.delta_bsdf(index).and_then(|bsdf| bsdf.reflect(ray.direction, &at)) else {
+                return false;
+            };
+            (ray, origin) = (Ray::new(ray.at(hit.distance), mirrored.direction), SurfaceId::Triangle(index));
+        }
+        false
     }
 }
