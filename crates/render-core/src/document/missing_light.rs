@@ -12,8 +12,8 @@ use crate::geometry::Pane;
 use crate::light::SELDOM_MET;
 use crate::scene::Scene;
 use crate::scene::description::MeshDescription;
-use crate::specular::settings::LightSubpaths;
 use crate::specular::missing::{ANNOUNCED, Contents, LightGroup, PathClass, immersed_bodies, unowned_of_environment};
+use crate::specular::settings::LightSubpaths;
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
 const VERTICES_THROUGH_PANE: u32 = 3;
@@ -309,10 +309,7 @@ mod tests {
         };
         let lights = "the small lights \"globe\", \"sun\", \"aperture\"";
         let found = of(&|_| {});
-        check(
-            &found,
-            &["reflects, on its outside or between its faces, or that passes through more than one pane"],
-        );
+        check(&found, &["reflects, on its outside or between its faces, or that passes through more than one pane"]);
         assert!(found.iter().all(|text| text.contains(lights)), "{found:#?}");
         let only = |light: usize| {
             move |scene: &mut Value| {

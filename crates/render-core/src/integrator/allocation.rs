@@ -45,7 +45,9 @@ impl Allocation {
     pub(super) fn describe(self) -> String {
         let Self { splats, is_connected, is_alone } = self;
         match (splats, is_connected) {
-            _ if is_alone => format!("{splats} light subpaths for each camera sample find most light, and chance the rest"),
+            _ if is_alone => {
+                format!("{splats} light subpaths for each camera sample find most light, and chance the rest")
+            }
             (0, false) => "no light subpaths are traced: other methods have less noise".to_owned(),
             (0, true) => "each camera sample is connected to a light subpath".to_owned(),
             (_, false) => format!("{splats} light subpaths for each camera sample leave splats"),
@@ -56,11 +58,12 @@ impl Allocation {
     }
 }
 
-/// The numbers of light subpaths among which is chosen.
-const SPLATS: [u32; 4] = [0, 1, 4, 16];
+/// Many light subpaths, and some, for each camera sample.
+const MANY: u32 = 16;
+const SOME: u32 = 4;
 
 /// Pixels of the pilot's picture, about.
-const PIXELS: f64 = 400.0;
+const PIXELS: f64 = 300.0;
 
 /// Samples of each pixel, and batches of light subpaths.
 const SAMPLES: u32 = 8;
@@ -70,6 +73,9 @@ const NO_FRAME: u32 = u32::MAX;
 
 /// Another choice has to be better than the usual one by this factor, as far as the pilot can tell.
 const BETTER: f64 = 1.2;
+
+/// A picture whose mean is off by more than can be by chance, in squared standard errors, lacks light so far.
+const SURE: f64 = 16.0;
 
 /// As in the relative error of an image: this part of the mean, squared, is added to a pixel's square.
 const DARK: f64 = 0.01;
@@ -101,14 +107,9 @@ pub(super) fn allocate(prepared: &PreparedScene) -> Allocation {
     if choices.len() == 1 {
         return *first;
     }
-    if let Ok(forced) = std::env::var("ALLOC") {
-        let parts: Vec<u32> = forced.split(',').map(|part| part.parse().unwrap()).collect();
-        return Allocation { splats: parts[0], is_connected: parts[1] == 1, is_alone: parts[2] == 1 };
-    }
-    let start = std::time::Instant::now();
     let pictures: Vec<Picture> = choices.iter().map(|choice| Picture::new(prepared, &grid, *choice)).collect();
-    let brightness = brightness(&pictures);
-    let noise: Vec<f64> = pictures.iter().map(|picture| picture.noise(&brightness)).collect();
+    let expected = Expected::of(&pictures);
+    let noise: Vec<f64> = pictures.iter().map(|picture| picture.noise(&expected)).collect();
     // The first is the usual one.
     let mut best = 0;
     for other in 1..choices.len() {
@@ -117,11 +118,6 @@ pub(super) fn allocate(prepared: &PreparedScene) -> Allocation {
             best = other;
         }
     }
-    for (choice, (picture, noise)) in choices.iter().zip(pictures.iter().zip(&noise)) {
-        let (a, b) = picture.parts(&brightness);
-        eprintln!("{choice:?} cost {:.2} us mse*c {:.3e} rel*c {:.3e} noise {noise:.3e}", picture.cost, a * picture.cost * 1e-6, b * picture.cost * 1e-6);
-    }
-    eprintln!("pilot {:?}, chosen {:?}", start.elapsed(), choices[best]);
     choices[best]
 }
 
@@ -130,28 +126,25 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
     if prepared.starts().is_none() {
         return Vec::new();
     }
-    let most = if grid.has_light_plane { SPLATS.len() } else { 1 };
-    let usual = Allocation { splats: u32::from(grid.has_light_plane), ..Allocation::USUAL };
     let scene = prepared.scene();
     // Some of the light of points is found by light subpaths alone, and some by methods alone.
     let has_points = !scene.panes().is_empty() && scene.lights().iter().any(|light| light.is_delta());
-    // Light subpaths do not go through them.
-    let has_meshes = scene.meshes().iter().any(|mesh| mesh.is_specular());
-    let mut choices = vec![usual];
-    for &splats in &SPLATS[..most] {
-        for is_connected in [true, false] {
-            let is_whole = is_connected && (splats > 0 || !grid.has_light_plane);
-            if is_whole || !has_points {
-                choices.push(Allocation { splats, is_connected, is_alone: false });
+    let usual = Allocation::USUAL;
+    match (grid.has_light_plane, has_points) {
+        (true, true) => [usual.splats, SOME, MANY].map(|splats| Allocation { splats, ..usual }).into(),
+        (true, false) => {
+            let unconnected = [0, SOME, MANY].map(|splats| Allocation { splats, is_connected: false, is_alone: false });
+            let mut choices = vec![usual];
+            choices.extend(unconnected);
+            // Light subpaths do not go through specular meshes.
+            if !scene.meshes().iter().any(|mesh| mesh.is_specular()) {
+                choices.push(Allocation::alone(MANY));
             }
+            choices
         }
-        if splats > 1 && !has_points && !has_meshes {
-            choices.push(Allocation::alone(splats));
-        }
+        (false, true) => vec![usual.on(grid)],
+        (false, false) => vec![usual.on(grid), Allocation::NONE],
     }
-    let others: Vec<_> = choices.drain(1..).filter(|other| *other != usual).collect();
-    choices.extend(others);
-    choices
 }
 
 /// The pilot's picture with one choice.
@@ -191,8 +184,10 @@ impl Picture {
                 for number in 0..pixels {
                     let mut stream = SampleStream::of_light(0, NO_FRAME, batch, number.into());
                     tracer.splat(&mut stream, &mut counters, |splat| {
-                        let [column, row] = [(splat.pixel[0], columns, grid.width), (splat.pixel[1], rows, grid.height)]
-                            .map(|(place, count, edge)| (u64::from(place) * u64::from(count) / u64::from(edge)) as u32);
+                        let [column, row] =
+                            [(splat.pixel[0], columns, grid.width), (splat.pixel[1], rows, grid.height)].map(
+                                |(place, count, edge)| (u64::from(place) * u64::from(count) / u64::from(edge)) as u32,
+                            );
                         sums[(row * columns + column) as usize] += splat.radiance;
                     });
                 }
@@ -215,31 +210,26 @@ impl Picture {
         Self { means: means.collect(), variances: variances.collect(), cost }
     }
 
-    fn parts(&self, brightness: &[DVec3]) -> (f64, f64) {
-        let count = brightness.len() as f64;
-        let mean = brightness.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * count);
-        let (mut squares, mut relative) = (0.0, 0.0);
-        for ((variance, found), pixel) in self.variances.iter().zip(&self.means).zip(brightness) {
-            // What has found nothing has no variance either.
-            let off = found - pixel;
-            let squared = variance + off * off * f64::from(SAMPLES);
-            squares += squared.element_sum();
-            relative += (squared / (pixel * pixel + DARK * mean * mean)).element_sum();
-        }
-        (squares / (3.0 * count), relative / (3.0 * count))
+    /// Of all pixels and channels.
+    fn mean(&self) -> f64 {
+        self.means.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * self.means.len() as f64)
     }
 
     /// The squared error times cost, times the relative squared error times cost, over constants.
-    fn noise(&self, brightness: &[DVec3]) -> f64 {
-        let count = brightness.len() as f64;
-        let mean = brightness.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * count);
+    fn noise(&self, expected: &Expected) -> f64 {
+        let count = self.means.len() as f64;
+        let Expected { pixels, mean } = expected;
         let (mut squares, mut relative) = (0.0, 0.0);
-        for ((variance, found), pixel) in self.variances.iter().zip(&self.means).zip(brightness) {
-            // What has found nothing has no variance either.
-            let off = found - pixel;
-            let squared = variance + off * off * f64::from(SAMPLES);
-            squares += squared.element_sum();
-            relative += (squared / (pixel * pixel + DARK * mean * mean)).element_sum();
+        for (variance, pixel) in self.variances.iter().zip(pixels) {
+            squares += variance.element_sum() / (3.0 * count);
+            relative += (variance / (pixel * pixel + DARK * mean * mean)).element_sum() / (3.0 * count);
+        }
+        // What has found nothing has no variance either.
+        let off = self.mean() - mean;
+        let off = off * off * f64::from(SAMPLES) * count;
+        if off > SURE * squares {
+            squares += off;
+            relative += off / (mean * mean);
         }
         let noise = squares * relative * self.cost * self.cost;
         // Of a black picture there is nothing to tell.
@@ -265,15 +255,27 @@ fn on_all_cores<T: Send>(count: u32, work: impl Fn(u32) -> T + Sync) -> Vec<T> {
     (0..count as usize).filter_map(|piece| of_threads[piece % threads].next()).collect()
 }
 
-/// The median of all pictures, pixel by pixel: each has the same expectation, but some may have found nothing yet.
-fn brightness(pictures: &[Picture]) -> Vec<DVec3> {
-    let median = |pixel: usize, channel: usize| {
-        let mut values: Vec<f64> = pictures.iter().map(|picture| picture.means[pixel][channel]).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    let pixels = pictures.first().map_or(0, |picture| picture.means.len());
-    (0..pixels).map(|pixel| DVec3::from([0, 1, 2].map(|channel| median(pixel, channel)))).collect()
+/// What all choices expect alike.
+struct Expected {
+    /// For each pixel, the mean of all pictures.
+    pixels: Vec<DVec3>,
+    /// Of all pixels and channels, the median of all pictures: some may have found nothing yet.
+    mean: f64,
+}
+
+impl Expected {
+    fn of(pictures: &[Picture]) -> Self {
+        let mut pixels = vec![DVec3::ZERO; pictures.first().map_or(0, |picture| picture.means.len())];
+        for picture in pictures {
+            for (sum, mean) in pixels.iter_mut().zip(&picture.means) {
+                *sum += mean / pictures.len() as f64;
+            }
+        }
+        let mut means: Vec<f64> = pictures.iter().map(Picture::mean).collect();
+        means.sort_by(f64::total_cmp);
+        let mean = means.get(means.len() / 2).copied().unwrap_or(0.0);
+        Self { pixels, mean }
+    }
 }
 
 /// What a pixel's camera samples see.

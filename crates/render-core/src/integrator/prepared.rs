@@ -151,7 +151,7 @@ impl PreparedScene {
         self.starts.as_ref()
     }
 
-    /// How much effort goes into light subpaths. Where a pilot decides it, this takes a second or so at first.
+    /// How much effort goes into light subpaths. Where a pilot decides it, this takes half a second or so at first.
     pub(super) fn allocation(&self) -> Allocation {
         match self.description.integrator.light_subpaths() {
             LightSubpaths::Shared => *self.allocation.get_or_init(|| allocate(self)),

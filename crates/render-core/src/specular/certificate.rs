@@ -15,9 +15,9 @@
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
+use super::bounded::{Bounded, Bounded2, dot};
 use super::direction_bounds::Box2;
 use super::side::PaneSide;
-use super::bounded::{Bounded, Bounded2, dot};
 use super::widest::{self, Computation};
 use super::window::{SourceBounds, Window};
 use crate::geometry::{HeightField, ShapeBounds};
@@ -149,8 +149,7 @@ impl Computation for Chain<'_, '_> {
         // X2 = X1 + s (gap + h2 - h1), so (I - s g2^T) dX2 = dX1 + gap ds - s dh1.
         let moved = [0, 1].map(|axis| {
             [0, 1].map(|by| {
-                entry[axis].by[by] + inner_tangent[axis].by[by] * gap
-                    - inner_tangent[axis].value * near_height.by[by]
+                entry[axis].by[by] + inner_tangent[axis].by[by] * gap - inner_tangent[axis].value * near_height.by[by]
             })
         });
         let exit = crossing(&exit, moved, &inner_tangent, &far)?;
@@ -213,8 +212,7 @@ impl Face {
         let rows = [[xx, xy], [xy, yy]];
         let along = |factors: &[Interval; 2], by: usize| factors[0] * place[0].by[by] + factors[1] * place[1].by[by];
         let height = Bounded { value: height, by: [0, 1].map(|by| along(&self.slope, by)) };
-        let slope =
-            [0, 1].map(|axis| Bounded { value: self.slope[axis], by: [0, 1].map(|by| along(&rows[axis], by)) });
+        let slope = [0, 1].map(|axis| Bounded { value: self.slope[axis], by: [0, 1].map(|by| along(&rows[axis], by)) });
         (height, slope)
     }
 }

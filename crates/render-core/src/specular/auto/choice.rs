@@ -25,7 +25,7 @@ const MOST_NAMES: usize = 3;
 /// The methods among which is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Best {
-    /// Rays towards the light, and a search where a pane shows each point of it once at the most.
+    /// Rays towards the light, and a search where no point of it is on a fold.
     Rays,
     /// A search through and off panes.
     Fnee,
@@ -184,7 +184,7 @@ impl Choice {
         let lights: Vec<&str> = lit.map(|(light, _)| light.name.as_str()).collect();
         let lights = list(&lights, scene.lights().len(), "lights");
         let (method, over) = match self.method {
-            Best::Rays => ("cone", "through panes, and fnee where one path is all".to_owned()),
+            Best::Rays => ("cone", "through panes, and fnee where no fold is".to_owned()),
             Best::Fnee if self.chains == ["R"] => ("fnee", "off the outside of panes".to_owned()),
             Best::Fnee => ("fnee", "through panes".to_owned()),
             Best::Conic => ("conic", self.over(scene)),
@@ -377,7 +377,10 @@ mod tests {
     fn what_is_chosen_is_told_with_names() {
         let scene = scene(&[pane("left", [0.0, 1.0])]);
         let told: Vec<String> = choose(&scene).iter().map(|choice| choice.describe(&scene)).collect();
-        assert_eq!(told[0], "cone finds light of \"globe\", \"candle\", \"sun\" through panes, and fnee where one path is all");
+        assert_eq!(
+            told[0],
+            "cone finds light of \"globe\", \"candle\", \"sun\" through panes, and fnee where no fold is"
+        );
         assert_eq!(told[1], "fnee finds light of \"spark\", \"point\" through panes");
         assert_eq!(told[2], "fnee finds light of 4 lights off the outside of panes");
         assert!(told.contains(&"conic finds light of all lights over \"water\" (T, R)".to_owned()), "{told:#?}");

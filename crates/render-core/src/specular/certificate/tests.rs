@@ -53,7 +53,9 @@ impl Look {
         match self.bounds {
             SourceBounds::Cap { direction, sin_radius } => {
                 let across = off - direction * off.dot(direction);
-                Source::Direction((direction * (1.0 - sin_radius * sin_radius).sqrt() + across * sin_radius).normalize())
+                Source::Direction(
+                    (direction * (1.0 - sin_radius * sin_radius).sqrt() + across * sin_radius).normalize(),
+                )
             }
             SourceBounds::Ball { centre, radius } => Source::Point(centre + off * radius),
         }
@@ -97,9 +99,7 @@ fn check(glass: Glass, amplitude: f64, cases: u32, seed: u32) -> Tally {
                 let seed = connection.thin_seed(place, counters);
                 roots.extend(seed.and_then(|seed| solve_complete(&connection, seed, &region, counters)));
             }
-            roots.retain(|root| {
-                root.path.crosses(side.sign) && held.contains(window.place_of(root.path.vertices[0]))
-            });
+            roots.retain(|root| root.path.crosses(side.sign) && held.contains(window.place_of(root.path.vertices[0])));
             tally.reached += u32::from(!roots.is_empty());
             let is_only = roots.iter().all(|root| region.same(root, &roots[0]));
             assert!(is_only, "case {case}: {:?}", roots.iter().map(|root| root.theta).collect::<Vec<_>>());

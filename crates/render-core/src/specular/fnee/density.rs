@@ -38,12 +38,7 @@ pub(super) fn of_light(scene: &Scene, light: u32, source: Source) -> f64 {
 }
 
 /// Of a path through a pane, as the path tracer has found it.
-pub(super) fn of_path_through(
-    scene: &Scene,
-    point: &ShadingPoint,
-    pane: u32,
-    path: &SpecularPath<'_>,
-) -> Option<f64> {
+pub(super) fn of_path_through(scene: &Scene, point: &ShadingPoint, pane: u32, path: &SpecularPath<'_>) -> Option<f64> {
     let [entry, exit] = path.links else { return None };
     let pane = &scene.panes()[pane as usize];
     let origin = pane.frame.point_to_local(point.position);

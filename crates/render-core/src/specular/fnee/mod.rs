@@ -190,8 +190,7 @@ impl SpecularMethod for Fnee {
         let random = stream.next_2d();
         let is_met = !source.is_delta();
         let effort = self.effort(point);
-        let view =
-            (is_met && self.combines()).then(|| LightView::new(scene, point, light, &effort, None, counters));
+        let view = (is_met && self.combines()).then(|| LightView::new(scene, point, light, &effort, None, counters));
         if let Some(view) = &view {
             view.cast(random, counters, &mut |LightSample { arrival, density, through, exit, hit }, aperture| {
                 let vertices = [through.entry, through.exit];
@@ -231,13 +230,7 @@ impl SpecularMethod for Fnee {
         self.selection.may_choose(scene, point, path, Caster::Pane(pane), counters)
     }
 
-    fn density(
-        &self,
-        scene: &Scene,
-        point: &ShadingPoint,
-        path: &SpecularPath<'_>,
-        _: &mut Counters,
-    ) -> Option<f64> {
+    fn density(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> Option<f64> {
         if !self.combines() {
             return None;
         }

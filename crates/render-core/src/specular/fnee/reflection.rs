@@ -23,13 +23,13 @@ use super::density::of_light;
 use super::solver::FneeSolver;
 use glam::{DMat2, DVec2, DVec3};
 
-use super::super::{Arrival, SampledPath};
 use super::super::fermat::{inverse, normal, projector, pulled_back, second_derivatives};
 use super::super::newton::{
     MAX_ITERATIONS, PUBLISHED_ALPHA, PUBLISHED_BETA, PUBLISHED_GRADIENT, PUBLISHED_T_MIN, SHORTEST_STEP,
 };
 use super::super::side::{PaneSide, unit_normal};
 use super::super::trials::RandomSearch;
+use super::super::{Arrival, SampledPath};
 use crate::bsdf::fresnel::refract;
 use crate::geometry::{PaneBoundary, Ray, Surface, SurfaceId, SurfaceJet};
 use crate::light::{LightHit, Source, SourceSample};
