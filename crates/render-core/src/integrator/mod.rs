@@ -4,6 +4,7 @@ mod allocation;
 mod light_pass;
 mod light_subpaths;
 pub mod path;
+mod pilot;
 mod prepared;
 pub mod render;
 

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use clerestory_film::Sampling;
 
-use super::allocation::{Allocation, allocate};
+use super::allocation::Allocation;
 use super::light_subpaths::Starts;
 use crate::document::{PathFilter, SamplingDescription, SceneBundle, SceneDescription};
 use crate::scene::{BuildStep, ContentHash, Obstacles, Scene, SceneHash};
@@ -15,7 +15,6 @@ use crate::specular::SpecularMethod;
 use crate::specular::cache::MethodCache;
 use crate::specular::double_glazing::with_double_glazing;
 use crate::specular::environment::with_environment;
-use crate::specular::settings::LightSubpaths;
 use crate::texture::TextureDescription;
 
 /// A scene file that is ready to be rendered. It does not change any more.
@@ -151,13 +150,9 @@ impl PreparedScene {
         self.starts.as_ref()
     }
 
-    /// How much effort goes into light subpaths. Where a pilot decides it, this takes half a second or so at first.
-    pub(super) fn allocation(&self) -> Allocation {
-        match self.description.integrator.light_subpaths() {
-            LightSubpaths::Shared => *self.allocation.get_or_init(|| allocate(self)),
-            LightSubpaths::Alone(splats) if self.starts.is_some() => Allocation::alone(splats),
-            LightSubpaths::Alone(_) | LightSubpaths::None => Allocation::NONE,
-        }
+    /// How much effort goes into light subpaths, once that has been chosen.
+    pub(super) fn kept_allocation(&self) -> &OnceLock<Allocation> {
+        &self.allocation
     }
 
     /// The light path expression to which rendering is restricted.
@@ -179,15 +174,6 @@ impl PreparedScene {
     /// characters.
     pub fn import_notes(&self) -> &[String] {
         &self.import_notes
-    }
-
-    /// What the integrator chooses where it chooses among methods, in words.
-    pub fn chosen_methods(&self) -> Vec<String> {
-        let mut chosen = self.description.integrator.chosen(&self.scene);
-        if self.starts.is_some() && self.description.integrator.light_subpaths() == LightSubpaths::Shared {
-            chosen.push(self.allocation().describe());
-        }
-        chosen
     }
 
     /// The light of small lights and of the environment that an image leaves to chance, in words, for its metadata.

@@ -1,5 +1,5 @@
-//! About how densely the rays of a [`LightView`](super::light_view::LightView) go through a pane, for each unit of solid
-//! angle: what the weights of techniques assume.
+//! About how densely the rays of a [`LightView`](super::light_view::LightView) go through a pane, for each unit of
+//! solid angle: what the weights of techniques assume.
 //!
 //! The exact density depends on the windows of all panes, which cost more than a light subpath. Weights by which
 //! techniques share a path may be any function of the path, as long as all of them use the same. This one takes the
@@ -7,7 +7,7 @@
 
 use glam::DVec2;
 
-use super::light_view::{Effort, SETTLED};
+use super::effort::{Effort, SETTLED};
 use crate::geometry::Face;
 use crate::scene::pane_tree::LightRegion;
 use crate::scene::{Scene, ShadingPoint};

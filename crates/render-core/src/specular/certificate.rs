@@ -1,15 +1,15 @@
-//! A certificate that a shading point sees each point of a light in one place of a pane at the most.
+//! A certificate that a shading point sees no point of a light on a fold, or even each point once at the most.
 //!
-//! A place of the near plane leads, by Snell's law at both faces, to an end: a direction for a light at infinity, and a
-//! place at the height of the light's point for others. If the derivative of the end by the place stays near one
-//! invertible matrix all over a rectangle, no two places of it have the same end (Krawczyk 1969; Neumaier 1990,
-//! "Interval Methods for Systems of Equations", section 5.1). So each point of the light has one path at the most
-//! there, and Newton's method finds it. If that holds for each part of the window, but not for all of it, a point may
+//! By Snell's law at both faces, a place of the near plane leads to an end. That is a direction for a light at
+//! infinity. For others, it is a place at the height of the light's point. Let the derivative of the end by the place
+//! stay near one invertible matrix all over a rectangle. Then no two places of it have the same end. That is Krawczyk's
+//! test (1969; Neumaier 1990, "Interval Methods for Systems of Equations", section 5.1). So each point of the light has
+//! one path at the most there, and Newton's method finds it. If that holds for each part of a window alone, a point may
 //! have several paths, and none of them is on a fold.
 //!
-//! All of the derivative is bounded, by interval arithmetic on the chain of its steps: how the crossing of each face
-//! moves, how its slope changes, how strongly it refracts, and how thick the glass is. The faces' curvatures are
-//! bounded over the very region that light from the rectangle crosses, beyond the outline as well. Rounding is a
+//! All of the derivative is bounded, by interval arithmetic on the chain of its steps. These are how the crossing of
+//! each face moves, how its slope changes, how strongly it refracts, and how thick the glass is. The faces' curvatures
+//! are bounded over the very region that light from the rectangle crosses, beyond the outline as well. Rounding is a
 //! hundred million times smaller than what is left of the bound ([`MOST_DEFECT`]).
 
 use arrayvec::ArrayVec;

@@ -11,8 +11,9 @@ use std::sync::Arc;
 
 use super::assumed_density::assumed_density;
 use super::cache::MethodCache;
+use super::effort::Effort;
 use super::environment::Portals;
-use super::light_view::{Effort, LightView};
+use super::light_view::LightView;
 use super::second_panes::SecondPanes;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_TWO_PANES};
 use crate::geometry::SurfaceId;

@@ -25,6 +25,7 @@ mod cutting_tests;
 mod deflection;
 mod direction_bounds;
 pub(crate) mod double_glazing;
+mod effort;
 pub mod enumeration;
 pub(crate) mod environment;
 pub mod fermat;

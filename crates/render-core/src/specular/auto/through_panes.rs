@@ -1,13 +1,14 @@
-//! Light through panes, of lights that can be met: by paths to points of the light where a certificate says that none is
-//! on a fold, and by rays through the panes elsewhere.
+//! Light through panes, of lights that can be met.
 //!
-//! Without folds, a search has no noise but that of the light's own points. One Newton solve is enough where one path is
-//! all. Near folds and behind fine ripples a search would have much noise, and rays have little.
+//! Where a certificate says that no point of a light is on a fold, it is found by paths to points of the light. Such a
+//! search has no noise but that of the points. One Newton solve is enough where one path is all. Elsewhere, rays
+//! through the panes find it: near folds and behind fine ripples, a search would have much noise, and rays have little.
 
 use super::super::assumed_density::assumed_density;
 use super::super::certificate::Certificate;
+use super::super::effort::Effort;
 use super::super::fnee::{Fnee, FneeSettings, SampledLight};
-use super::super::light_view::{Effort, LightView, SearchedWindow};
+use super::super::light_view::{LightView, SearchedWindow};
 use super::super::newton::{Root, SearchRegion, solve_complete};
 use super::super::passage::{Found, Passage};
 use super::super::window::Window;

@@ -13,7 +13,8 @@ mod settings;
 pub use settings::ConeSettings;
 
 use super::assumed_density::assumed_density;
-use super::light_view::{Effort, LightView};
+use super::effort::Effort;
+use super::light_view::LightView;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;

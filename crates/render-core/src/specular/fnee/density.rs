@@ -1,13 +1,11 @@
-//! How densely the search finds a path, for each unit of solid angle at the shading point: the density of the path's
-//! point on the light, over the geometry factor.
+//! How densely the search finds a path, for each unit of solid angle at the shading point.
 //!
-//! Each path is found once on average, whatever its estimated inverse probability. On a fold the factor has no bound,
-//! and the search finds nothing.
+//! That is the density of the path's point on the light, over the geometry factor. Each path is found once on average,
+//! whatever its estimated inverse probability. On a fold the factor has no bound, and the search finds nothing.
 
 use glam::DVec3;
 
-use super::reflection::ReflectedPath;
-use crate::geometry::{Face, Ray};
+use crate::geometry::Ray;
 use crate::light::{LightHit, Source};
 use crate::scene::{Scene, ShadingPoint};
 use crate::specular::SpecularPath;
@@ -47,28 +45,10 @@ pub(super) fn of_path_through(scene: &Scene, point: &ShadingPoint, pane: u32, pa
     Some(through_pane(scene, path.light, &side, origin, vertices, last_segment(path)?.parts()))
 }
 
-/// Of a path by way of one reflection at a face of a pane, as the path tracer has found it.
-pub(super) fn of_path_off(
-    scene: &Scene,
-    point: &ShadingPoint,
-    (pane, face): (u32, Face),
-    path: &SpecularPath<'_>,
-) -> Option<f64> {
-    let pane = &scene.panes()[pane as usize];
-    let origin = pane.frame.point_to_local(point.position);
-    let side = PaneSide::facing(pane, origin).filter(|side| side.near == face)?;
-    let place = pane.frame.point_to_local(path.links[0].position).truncate();
-    let last = last_segment(path)?;
-    let (_, cosine) = scene.lights()[path.light as usize].source_at(&last.ray, &last.hit);
-    let reflected = ReflectedPath::new(&side, origin, path.source.in_frame(&pane.frame), place);
-    let factor = reflected.geometry_factor(reflected.hessian().determinant()) * cosine;
-    Some(of_light(scene, path.light, path.source) / factor).filter(|density| density.is_finite())
-}
-
 /// The last segment of a path, and where it meets the light.
-struct LastSegment {
-    ray: Ray,
-    hit: LightHit,
+pub(super) struct LastSegment {
+    pub(super) ray: Ray,
+    pub(super) hit: LightHit,
 }
 
 impl LastSegment {
@@ -77,7 +57,8 @@ impl LastSegment {
     }
 }
 
-fn last_segment(path: &SpecularPath<'_>) -> Option<LastSegment> {
+/// That of a path that the path tracer has found.
+pub(super) fn last_segment(path: &SpecularPath<'_>) -> Option<LastSegment> {
     let from = path.links.last()?.position;
     let distance = match path.source {
         Source::Point(source) => from.distance(source),

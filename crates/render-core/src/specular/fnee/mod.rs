@@ -37,9 +37,10 @@ use smallvec::{SmallVec, smallvec};
 use self::reflection::Reflections;
 use super::assumed_density::assumed_density;
 use super::caster::Caster;
+use super::effort::Effort;
 use super::enumeration::{Enumeration, enumerate};
 use super::fermat::Connection;
-use super::light_view::{Effort, LightSample, LightView};
+use super::light_view::{LightSample, LightView};
 use super::newton::{Root, SearchRegion, solve_complete, solve_published};
 use super::passage::{Found, Passage, transmission};
 use super::selection::Choice;
@@ -235,7 +236,7 @@ impl SpecularMethod for Fnee {
             return None;
         }
         if let [Link { event: SpecularEvent::Reflection, surface: SurfaceId::Pane { index, face }, .. }] = path.links {
-            return density::of_path_off(scene, point, (*index, *face), path);
+            return reflection::density_of(scene, point, (*index, *face), path);
         }
         let pane = coverage::through_one_pane(scene, point, path)?;
         let found = density::of_path_through(scene, point, pane, path)?;

@@ -19,7 +19,7 @@
 //! slopes of the relief can move that point. Some seeds lie anywhere, so paths outside the window have a probability as
 //! well.
 
-use super::density::of_light;
+use super::density::{last_segment, of_light};
 use super::solver::FneeSolver;
 use glam::{DMat2, DVec2, DVec3};
 
@@ -29,9 +29,9 @@ use super::super::newton::{
 };
 use super::super::side::{PaneSide, unit_normal};
 use super::super::trials::RandomSearch;
-use super::super::{Arrival, SampledPath};
+use super::super::{Arrival, SampledPath, SpecularPath};
 use crate::bsdf::fresnel::refract;
-use crate::geometry::{PaneBoundary, Ray, Surface, SurfaceId, SurfaceJet};
+use crate::geometry::{Face, PaneBoundary, Ray, Surface, SurfaceId, SurfaceJet};
 use crate::light::{LightHit, Source, SourceSample};
 use crate::math::Rect;
 use crate::scene::Scene;
@@ -300,6 +300,24 @@ impl ReflectedPath {
         let spread = if d2.is_finite() { d0 * d2 } else { d0 };
         (normal(&self.jet).dot(a) * normal(&self.jet).dot(w) / (spread * spread * determinant)).abs()
     }
+}
+
+/// How densely the search finds a path by way of one reflection at a face of a pane, which the path tracer has found.
+pub(super) fn density_of(
+    scene: &Scene,
+    point: &ShadingPoint,
+    (pane, face): (u32, Face),
+    path: &SpecularPath<'_>,
+) -> Option<f64> {
+    let pane = &scene.panes()[pane as usize];
+    let origin = pane.frame.point_to_local(point.position);
+    let side = PaneSide::facing(pane, origin).filter(|side| side.near == face)?;
+    let place = pane.frame.point_to_local(path.links[0].position).truncate();
+    let last = last_segment(path)?;
+    let (_, cosine) = scene.lights()[path.light as usize].source_at(&last.ray, &last.hit);
+    let reflected = ReflectedPath::new(&side, origin, path.source.in_frame(&pane.frame), place);
+    let factor = reflected.geometry_factor(reflected.hessian().determinant()) * cosine;
+    Some(of_light(scene, path.light, path.source) / factor).filter(|density| density.is_finite())
 }
 
 /// The search for light from one point of a light that panes reflect to one shading point.
