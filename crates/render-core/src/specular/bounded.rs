@@ -28,23 +28,17 @@ impl Bounded {
     /// The square root; `None` where the number may be negative or zero.
     #[inline(always)]
     pub(super) fn root(self) -> Option<Self> {
-        if !(self.value.min > 0.0) {
-            return None;
-        }
         let value = Interval::new(self.value.min.sqrt(), self.value.max.sqrt());
         let slope = Interval::new(0.5 / value.max, 0.5 / value.min);
-        Some(Self { value, by: self.by.map(|by| by * slope) })
+        (self.value.min > 0.0).then(|| Self { value, by: self.by.map(|by| by * slope) })
     }
 
     /// One over the number; `None` where it may be negative or zero.
     #[inline(always)]
     pub(super) fn reciprocal(self) -> Option<Self> {
-        if !(self.value.min > 0.0) {
-            return None;
-        }
         let value = Interval::new(1.0 / self.value.max, 1.0 / self.value.min);
         let slope = Interval::new(-value.max * value.max, -value.min * value.min);
-        Some(Self { value, by: self.by.map(|by| by * slope) })
+        (self.value.min > 0.0).then(|| Self { value, by: self.by.map(|by| by * slope) })
     }
 
     /// The quotient; `None` where the divisor may be negative or zero.
@@ -74,7 +68,7 @@ impl Sub for Bounded {
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        self + other.negative()
+        Self { value: self.value - other.value, by: [0, 1].map(|by| self.by[by] - other.by[by]) }
     }
 }
 
@@ -82,6 +76,7 @@ impl Mul for Bounded {
     type Output = Self;
 
     #[inline(always)]
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "the rule of products")]
     fn mul(self, other: Self) -> Self {
         let by = [0, 1].map(|by| self.by[by] * other.value + self.value * other.by[by]);
         Self { value: self.value * other.value, by }

@@ -65,7 +65,6 @@ pub(super) struct SearchedWindow<'a> {
 }
 
 /// Where a shading point may see a light through a pane.
-#[expect(clippy::large_enum_variant, reason = "it is made and taken apart on the stack, for one pane at a time")]
 enum Extent<'a> {
     /// In a window.
     Window(Window<'a>),

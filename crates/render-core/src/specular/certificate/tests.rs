@@ -29,7 +29,7 @@ struct Look {
 impl Look {
     /// From near and far, straight and at grazing angles; through the middle of what is to be seen.
     fn new(pane: &Pane, case: u32, random: &mut TrialStream) -> Self {
-        let sign = if case % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if case.is_multiple_of(2) { 1.0 } else { -1.0 };
         let distance = between(random, 0.05, 1.0).powi(2) * 6.0;
         let reach = if case % 8 < 2 { 12.0 } else { 1.5 };
         let origin = ((pair(random) - 0.5) * reach * distance).extend(-sign * (0.01 + distance));
