@@ -1,9 +1,13 @@
 //! Scenes that a worker judges when it builds them.
 
+use std::collections::BTreeMap;
+
 use bytes::Bytes;
 use clerestory_api::{
     BuildOutcome, BuiltScene, ClientError, JobState, JobSubmission, Lease, LeaseReturn, ProblemCode, SceneReport,
+    WorkerRegistration,
 };
+use clerestory_render_core::document::WITH_CAUSTIC;
 use serde_json::json;
 
 use crate::support::*;
@@ -12,6 +16,13 @@ impl TestWorker {
     async fn report(&self, lease: &Lease, outcome: BuildOutcome) -> Result<(), ClientError> {
         self.client.report_scene(lease.id, &SceneReport { token: lease.token, outcome }).await
     }
+}
+
+/// A worker that knows the layers of scenes with glass.
+async fn worker_for_glass(farm: &TestFarm, name: &str) -> TestWorker {
+    let digest = |method: String| (method, vec!["digest".to_owned()]);
+    let method_digests = BTreeMap::from(["path".to_owned(), format!("path{WITH_CAUSTIC}")].map(digest));
+    farm.worker_like(name, WorkerRegistration { method_digests, ..WorkerRegistration::default() }).await
 }
 
 fn built(method: &str) -> BuiltScene {
@@ -76,7 +87,7 @@ async fn what_only_building_shows_is_known_after_the_first_report() {
 async fn a_scene_that_cannot_be_built_is_accepted_and_fails_its_job_on_the_first_worker() {
     let farm = TestFarm::start().await;
     let job = farm.client.submit_job(&touching_panes()).await.unwrap();
-    let worker = farm.worker_named("nave").await;
+    let worker = worker_for_glass(&farm, "nave").await;
     let lease = worker.claim().await.unwrap();
     let reason = "panes[1].centre: found a pane in another, must be a place of its own".to_owned();
     worker.report(&lease, BuildOutcome::Refused { reason: reason.clone() }).await.unwrap();
@@ -93,7 +104,7 @@ async fn a_scene_that_cannot_be_built_is_accepted_and_fails_its_job_on_the_first
 #[tokio::test(flavor = "multi_thread")]
 async fn the_first_refusal_is_shown_until_another_machine_has_tried() {
     let farm = TestFarm::start().await;
-    let [nave, apse] = [farm.worker_named("nave").await, farm.worker_named("apse").await];
+    let [nave, apse] = [worker_for_glass(&farm, "nave").await, worker_for_glass(&farm, "apse").await];
     let reason = "panes[1].centre: found a pane in another, must be a place of its own".to_owned();
     for is_confirmed in [true, false] {
         let job = farm.client.submit_job(&touching_panes()).await.unwrap();

@@ -2,8 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::tests::{EDGE, sums};
+use super::tests::{EDGE, prepared, sums_of};
 use super::weight_tests::room;
+use crate::integrator::allocation::Allocation;
 use crate::scene::Assets;
 
 /// Pictures of each kind, with seeds of their own.
@@ -40,7 +41,12 @@ struct Seen {
 }
 
 fn see(light: &Value, panes: usize, integrator: &str) -> Seen {
-    let picture = |seed| sums(&lit_by(light, panes, integrator, seed), &Assets::new());
+    let picture = |seed| {
+        let scene = prepared(&lit_by(light, panes, integrator, seed), &Assets::new());
+        // Whatever a pilot would choose.
+        scene.kept_allocation().get_or_init(|| Allocation::USUAL);
+        sums_of(&scene)
+    };
     let pictures: Vec<Vec<f64>> = (1..=PICTURES)
         .map(|seed| picture(seed).iter().map(|sum| f64::from(sum[0]) / f64::from(SAMPLES)).collect())
         .collect();

@@ -16,15 +16,24 @@ pub(super) const EDGE: u32 = 16;
 /// Samples of a pixel.
 pub(super) const SAMPLES: u32 = 256;
 
+/// The scene, ready to be rendered.
+pub(super) fn prepared(scene: &Value, assets: &Assets) -> PreparedScene {
+    let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+    PreparedScene::build(&SceneBundle::from_parts(description, assets.clone()).unwrap()).unwrap()
+}
+
 /// The sums of all pixels.
 pub(super) fn sums(scene: &Value, assets: &Assets) -> Vec<[f32; 3]> {
-    let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
-    let scene = PreparedScene::build(&SceneBundle::from_parts(description, assets.clone()).unwrap()).unwrap();
+    sums_of(&prepared(scene, assets))
+}
+
+/// The same of a scene that is ready.
+pub(super) fn sums_of(scene: &PreparedScene) -> Vec<[f32; 3]> {
     let grid = scene.description().grid(EDGE);
     let mut sums = vec![[0.0; 3]; (EDGE * EDGE) as usize];
     for tile in 0..grid.len() {
         let address = NodeAddress { frame: 0, tile, level: 0, index: 0 };
-        let rendered = render_node(&scene, &grid, address, &AtomicBool::new(false)).unwrap();
+        let rendered = render_node(scene, &grid, address, &AtomicBool::new(false)).unwrap();
         for (sum, pixel) in sums.as_flattened_mut().iter_mut().zip(rendered.node.layers().beauty.as_flattened()) {
             *sum += pixel;
         }
