@@ -109,7 +109,10 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
     match (grid.has_light_plane, has_points) {
         (true, true) => [usual.splats, SOME, MANY].map(|splats| Allocation { splats, ..usual }).into(),
         (true, false) => {
-            let unconnected = [0, SOME, MANY].map(|splats| Allocation { splats, is_connected: false, is_alone: false });
+            // Chance alone would find what panes mirror within, as bright single pixels that a pilot seldom sees.
+            let least = u32::from(!scene.panes().is_empty());
+            let unconnected =
+                [least, SOME, MANY].map(|splats| Allocation { splats, is_connected: false, is_alone: false });
             let mut choices = vec![usual];
             choices.extend(unconnected);
             // Light subpaths do not go through specular meshes.
