@@ -214,7 +214,9 @@ impl Engine {
         let FilmDescription { width, height } = bundle.description().film;
         let film = FilmDescription { width: width.div_ceil(coarseness), height: height.div_ceil(coarseness) };
         let description = SceneDescription { film, sampling: SAMPLING, ..bundle.description().clone() };
-        let scene = scene.changed(&bundle.clone().with_description(description).map_err(failure)?).map_err(failure)?;
+        let bundle = bundle.clone().with_description(description).map_err(failure)?;
+        // Frames come in many sizes, and a pilot would come before each.
+        let scene = scene.changed(&bundle).map_err(failure)?.without_pilot();
         let tile_size = TILE.max(smallest_tile(film.width, film.height));
         let grid = scene.description().grid(tile_size);
         let plan = PassPlan {

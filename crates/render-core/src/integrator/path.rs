@@ -131,7 +131,7 @@ impl<'a> PathTracer<'a> {
             starts: prepared.starts(),
             is_connected: allocation.is_connected,
             light_plane: LightPlane::new(allocation.splats, allocation.is_alone, grid),
-            mirrors: Mirrors::of(scene),
+            mirrors: if grid.has_caustic { Mirrors::of(scene) } else { Mirrors::Metal },
             max_depth,
             start: Start::of(scene),
         }

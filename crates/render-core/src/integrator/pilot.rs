@@ -44,7 +44,7 @@ const PIXELS: f64 = 300.0;
 /// Samples of each pixel, and batches of light subpaths.
 const SAMPLES: u32 = 8;
 
-/// The frame whose random numbers the pilot has: no job has so many.
+/// The frame whose random numbers the pilot has: no job has as many.
 const NO_FRAME: u32 = u32::MAX;
 
 /// Another choice has to be better than the usual one by this factor, as far as the pilot can tell.
@@ -220,6 +220,10 @@ impl Picture {
 /// that waits for work may take up another node, which would wait for this pilot.
 fn on_all_cores<T: Send>(count: u32, work: impl Fn(u32) -> T + Sync) -> Vec<T> {
     let threads = rayon::current_num_threads().min(count as usize).max(1);
+    if threads == 1 {
+        // Clocks of a thread see it.
+        return (0..count).map(work).collect();
+    }
     let work = &work;
     let done = std::thread::scope(|scope| {
         let started: Vec<_> = (0..threads as u32)

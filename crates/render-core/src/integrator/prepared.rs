@@ -102,16 +102,20 @@ impl PreparedScene {
         }
         let description = file.expanded(bundle.assets())?;
         let is_lit_alike = description.lights == self.description.lights;
+        let is_seen_alike = file.camera == self.file.camera && file.film == self.file.film;
         let mut scene = self.scene.with_view(description.parts());
         if !is_lit_alike {
             scene = scene.with_lights(description.parts());
         }
-        let (method, starts) = if is_lit_alike && description.integrator == self.description.integrator {
+        let is_found_alike = is_lit_alike && description.integrator == self.description.integrator;
+        let (method, starts) = if is_found_alike {
             (self.method, self.starts)
         } else {
             let starts = starts(&description, &scene);
             (method(&description, &scene, &self.cache), starts)
         };
+        // A pilot knows no seed.
+        let allocation = if is_seen_alike && is_found_alike { self.allocation } else { OnceLock::new() };
         Ok(Self {
             hash: bundle.scene_hash(),
             sampling: sampling(file)?,
@@ -120,9 +124,16 @@ impl PreparedScene {
             starts,
             method,
             scene,
-            allocation: OnceLock::new(),
+            allocation,
             ..self
         })
+    }
+
+    /// The same without a pilot, for pictures that have to come at once. They are those of another allocation of
+    /// effort, with other noise.
+    #[must_use]
+    pub fn without_pilot(self) -> Self {
+        Self { allocation: OnceLock::from(Allocation::USUAL), ..self }
     }
 
     /// The identity of the scene.

@@ -15,7 +15,7 @@ pub(super) struct LightPlane {
 const ALL: f64 = 1e100;
 
 impl LightPlane {
-    /// With so many light subpaths for each camera sample. What they find is theirs alone if `is_alone`.
+    /// With this number of light subpaths for each camera sample. What they find is theirs alone if `is_alone`.
     pub(super) fn new(splats: u32, is_alone: bool, grid: &TileGrid) -> Self {
         let for_each = if grid.has_light_plane { splats } else { 0 };
         let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);

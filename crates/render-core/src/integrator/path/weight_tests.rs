@@ -226,7 +226,7 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
 /// What is known of the shares in paths of which light subpaths have found a part.
 #[derive(Debug, Default)]
 struct Found {
-    /// How many paths have so many techniques.
+    /// How many paths have each number of techniques.
     techniques: [u32; 8],
     /// The smallest of the largest shares.
     smallest: f64,
