@@ -9,20 +9,30 @@ pub(super) struct Allocation {
     pub(super) splats: u32,
     /// Whether each camera sample is connected to a light subpath of its own.
     pub(super) is_connected: bool,
-    /// Whether splats have all of the light that they find, so that no method looks for it.
-    pub(super) is_alone: bool,
+    pub(super) sharing: Sharing,
+}
+
+/// With which other techniques light subpaths share the paths that they find.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sharing {
+    /// With all that find them.
+    All,
+    /// With chance. What specular methods and next event estimation find is theirs alone.
+    Chance,
+    /// With none, so that no method looks for light.
+    None,
 }
 
 impl Allocation {
     /// No light subpaths.
-    pub(super) const NONE: Self = Self { splats: 0, is_connected: false, is_alone: false };
+    pub(super) const NONE: Self = Self { splats: 0, is_connected: false, sharing: Sharing::All };
 
     /// What is chosen where the pilot does not show that something else is better.
-    pub(super) const USUAL: Self = Self { splats: 1, is_connected: true, is_alone: false };
+    pub(super) const USUAL: Self = Self { splats: 1, is_connected: true, sharing: Sharing::All };
 
     /// Light tracing alone, beside which camera samples find what it leaves.
     pub(super) const fn alone(splats: u32) -> Self {
-        Self { splats, is_connected: false, is_alone: true }
+        Self { splats, is_connected: false, sharing: Sharing::None }
     }
 
     /// The same on a film that may lack a light plane: then connections bring the light.
@@ -32,17 +42,18 @@ impl Allocation {
 
     /// In words, for an image's metadata.
     pub(super) fn describe(self) -> String {
-        let Self { splats, is_connected, is_alone } = self;
-        match (splats, is_connected) {
-            _ if is_alone => {
-                format!("{splats} light subpaths for each camera sample find most light, and chance the rest")
-            }
-            (0, false) => "no light subpaths are traced: other methods have less noise".to_owned(),
+        let Self { splats, is_connected, sharing } = self;
+        let traced = match (splats, is_connected) {
+            (0, false) => return "no light subpaths are traced: other methods have less noise".to_owned(),
             (0, true) => "each camera sample is connected to a light subpath".to_owned(),
-            (_, false) => format!("{splats} light subpaths for each camera sample leave splats"),
-            (_, true) => format!(
-                "{splats} light subpaths for each camera sample leave splats, and it is connected to one of its own"
-            ),
+            (1, _) => "a light subpath for each camera sample leaves splats".to_owned(),
+            _ => format!("{splats} light subpaths for each camera sample leave splats"),
+        };
+        let connected = if splats > 0 && is_connected { ", and it is connected to one of its own" } else { "" };
+        match sharing {
+            Sharing::All => format!("{traced}{connected}"),
+            Sharing::Chance => format!("{traced}{connected}, of light that other methods leave to chance alone"),
+            Sharing::None => format!("{traced}{connected}, of all light that they find, and chance finds the rest"),
         }
     }
 }

@@ -27,7 +27,7 @@ use self::light_vertex::LightSubpath;
 use self::lobe::{Lobe, absorption_before, absorption_behind, sides, through_body};
 use self::media::{Around, Interface, Meeting, Start};
 use self::stretch::{Origin, Stretch};
-use super::allocation::Allocation;
+use super::allocation::{Allocation, Sharing};
 use super::light_subpaths::{FromCamera, Starts};
 use super::prepared::PreparedScene;
 use crate::bsdf::SampleKind;
@@ -75,6 +75,8 @@ pub struct PathTracer<'a> {
     starts: Option<&'a Starts>,
     /// Whether camera samples are connected to light subpaths.
     is_connected: bool,
+    /// Whether specular methods and next event estimation share nothing with light subpaths.
+    leaves_methods: bool,
     light_plane: LightPlane,
     mirrors: Mirrors,
     max_depth: u32,
@@ -119,7 +121,7 @@ impl<'a> PathTracer<'a> {
             let with_light = events.iter().map(|event| PathEvent::from(*event)).chain([PathEvent::Light]).collect();
             Chain { events, with_light }
         };
-        let method = prepared.method().filter(|_| !allocation.is_alone);
+        let method = prepared.method().filter(|_| allocation.sharing != Sharing::None);
         let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
         let max_depth = prepared.description().integrator.max_depth();
         let scene = prepared.scene();
@@ -130,7 +132,8 @@ impl<'a> PathTracer<'a> {
             chains,
             starts: prepared.starts(),
             is_connected: allocation.is_connected,
-            light_plane: LightPlane::new(allocation.splats, allocation.is_alone, grid),
+            leaves_methods: allocation.sharing == Sharing::Chance,
+            light_plane: LightPlane::new(&allocation, grid),
             mirrors: if grid.has_caustic { Mirrors::of(scene) } else { Mirrors::Metal },
             max_depth,
             start: Start::of(scene),

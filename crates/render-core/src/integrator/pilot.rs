@@ -8,7 +8,7 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings, TileGrid};
 use glam::{DVec2, DVec3};
 
-use super::allocation::Allocation;
+use super::allocation::{Allocation, Sharing};
 use super::path::PathTracer;
 use super::prepared::PreparedScene;
 use crate::specular::settings::LightSubpaths;
@@ -107,14 +107,21 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
     let has_points = !scene.panes().is_empty() && scene.lights().iter().any(|light| light.is_delta());
     let usual = Allocation::USUAL;
     match (grid.has_light_plane, has_points) {
-        (true, true) => [usual.splats, SOME, MANY].map(|splats| Allocation { splats, ..usual }).into(),
+        (true, true) => {
+            let mut choices: Vec<_> = [usual.splats, SOME, MANY].map(|splats| Allocation { splats, ..usual }).into();
+            choices.push(Allocation { sharing: Sharing::Chance, ..usual });
+            choices
+        }
         (true, false) => {
+            let unconnected = Allocation { is_connected: false, ..usual };
             // Chance alone would find what panes mirror within, as bright single pixels that a pilot seldom sees.
-            let least = u32::from(!scene.panes().is_empty());
-            let unconnected =
-                [least, SOME, MANY].map(|splats| Allocation { splats, is_connected: false, is_alone: false });
-            let mut choices = vec![usual];
-            choices.extend(unconnected);
+            let least = if scene.panes().is_empty() {
+                Allocation::NONE
+            } else {
+                Allocation { sharing: Sharing::Chance, ..unconnected }
+            };
+            let mut choices = vec![usual, least];
+            choices.extend([SOME, MANY].map(|splats| Allocation { splats, ..unconnected }));
             // Light subpaths do not go through specular meshes.
             if !scene.meshes().iter().any(|mesh| mesh.is_specular()) {
                 choices.push(Allocation::alone(MANY));

@@ -37,6 +37,9 @@ impl PathTracer<'_> {
 
     pub(super) fn one_subpath(&self, stream: &mut SampleStream, counters: &mut Counters) -> Option<OneSubpath<'_>> {
         let start = self.starts?.sample(self.scene, stream, counters)?;
+        if self.leaves_methods && start.on.is_none() {
+            return None;
+        }
         let mut walk = Walk {
             ray: start.ray,
             ray_origin: SurfaceId::Nothing,
@@ -208,7 +211,8 @@ impl PathTracer<'_> {
 
     /// The share of a specular method in a path that it has found.
     pub(super) fn share_of_method(&self, arrival: &Arrival, light: u32, asked: f64, lobe: &Lobe<'_>) -> f64 {
-        let (Some(starts), Some(path)) = (self.starts, &arrival.path) else { return 1.0 };
+        let starts = self.starts.filter(|_| !self.leaves_methods);
+        let (Some(starts), Some(path)) = (starts, &arrival.path) else { return 1.0 };
         let by_light = lobe.by_light(arrival.direction);
         if by_light == 0.0 {
             return 1.0;
@@ -240,7 +244,7 @@ impl PathTracer<'_> {
         cosine: f64,
         by_light: f64,
     ) -> f64 {
-        let Some(starts) = self.starts.filter(|_| by_light > 0.0) else { return 0.0 };
+        let Some(starts) = self.starts.filter(|_| by_light > 0.0 && !self.leaves_methods) else { return 0.0 };
         starts.density(self.scene, light, None, to_light, hit) * cosine * by_light
     }
 
@@ -310,8 +314,8 @@ impl PathTracer<'_> {
     }
 
     /// What other techniques find of the path from a vertex of a light subpath to the light, if it goes on from there
-    /// towards the camera; `None` where a method finds the light and shares it with none. `bounces` are those of the
-    /// vertex next to the light.
+    /// towards the camera; `None` where what finds the light shares it with none. `bounces` are those of the vertex
+    /// next to the light.
     pub(super) fn by_camera(
         &self,
         subpath: &OneSubpath<'_>,
@@ -330,11 +334,15 @@ impl PathTracer<'_> {
             FoundBy::MethodAlone => return None,
             FoundBy::Method(density) => density / subpath.density,
             FoundBy::Chance => onwards(first, 0) * subpath.choices / subpath.density,
+            FoundBy::Nothing => 0.0,
             FoundBy::Straight(density) => {
                 let is_met = !self.scene.lights()[subpath.start.light as usize].is_delta();
                 (density + if is_met { onwards(first, 0) } else { 0.0 }) / subpath.density
             }
         };
+        if self.leaves_methods && sum > 0.0 && !matches!(found, FoundBy::Chance) {
+            return None;
+        }
         for (index, vertex) in subpath.vertices[..=number].iter().enumerate() {
             if let Some(by_camera) = &vertex.by_camera {
                 sum = by_camera.total(onwards(vertex, index), sum);
@@ -359,7 +367,7 @@ impl PathTracer<'_> {
         let gathers_behind = first.bsdf.gathers_behind();
         // A point is met by no path.
         let is_point = self.scene.lights()[subpath.start.light as usize].is_delta();
-        let by_chance = if is_point { FoundBy::Method(0.0) } else { FoundBy::Chance };
+        let by_chance = if is_point { FoundBy::Nothing } else { FoundBy::Chance };
         // Light from behind is left to chance, whatever the method finds in front.
         if !gathers_behind && first.incident.dot(normal) >= 0.0 {
             return by_chance;

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::tests::{EDGE, prepared, sums_of};
 use super::weight_tests::room;
-use crate::integrator::allocation::Allocation;
+use crate::integrator::allocation::{Allocation, Sharing};
 use crate::scene::Assets;
 
 /// Pictures of each kind, with seeds of their own.
@@ -41,10 +41,14 @@ struct Seen {
 }
 
 fn see(light: &Value, panes: usize, integrator: &str) -> Seen {
+    see_with(light, panes, integrator, Allocation::USUAL)
+}
+
+fn see_with(light: &Value, panes: usize, integrator: &str, allocation: Allocation) -> Seen {
     let picture = |seed| {
         let scene = prepared(&lit_by(light, panes, integrator, seed), &Assets::new());
         // Whatever a pilot would choose.
-        scene.kept_allocation().get_or_init(|| Allocation::USUAL);
+        scene.kept_allocation().get_or_init(|| allocation);
         sums_of(&scene)
     };
     let pictures: Vec<Vec<f64>> = (1..=PICTURES)
@@ -73,9 +77,13 @@ fn check(light: &Value, panes: usize, gain: f64) {
 
 #[track_caller]
 fn compare(light: &Value, panes: usize, expected: &Seen, integrator: &str, gain: f64) {
-    let found = see(light, panes, integrator);
+    compare_seen(&see(light, panes, integrator), expected, &format!("{integrator}: {panes} panes, {light}"), gain);
+}
+
+#[track_caller]
+fn compare_seen(found: &Seen, expected: &Seen, what: &str, gain: f64) {
     let error = libm::hypot(found.error, expected.error);
-    let what = format!("{integrator} {found:?}, {expected:?}: {panes} panes, {light}");
+    let what = format!("{found:?}, {expected:?}, {what}");
     assert!((found.mean - expected.mean).abs() < 4.0 * error, "{what}");
     assert!(error < 0.05 * expected.mean, "no power: {what}");
     assert!(found.noise * gain < expected.noise, "more noise: {what}");
@@ -109,6 +117,9 @@ fn light_through_panes_lights_a_room_alike() {
     check(&lamp, 2, 1.2);
     // Most of it comes past the pane.
     check(&sky, 1, 0.8);
+    let by_chance = Allocation { splats: 1, is_connected: false, sharing: Sharing::Chance };
+    let [found, expected] = [see_with(&lamp, 1, "auto", by_chance), see(&lamp, 1, "cone")];
+    compare_seen(&found, &expected, "light left to chance", 0.0);
 }
 
 #[test]

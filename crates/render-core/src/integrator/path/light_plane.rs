@@ -2,6 +2,8 @@
 
 use clerestory_film::TileGrid;
 
+use crate::integrator::allocation::{Allocation, Sharing};
+
 /// Light subpaths of the light plane, as the weights of techniques see them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightPlane {
@@ -15,9 +17,10 @@ pub(super) struct LightPlane {
 const ALL: f64 = 1e100;
 
 impl LightPlane {
-    /// With this number of light subpaths for each camera sample. What they find is theirs alone if `is_alone`.
-    pub(super) fn new(splats: u32, is_alone: bool, grid: &TileGrid) -> Self {
-        let for_each = if grid.has_light_plane { splats } else { 0 };
+    /// With the light subpaths of an allocation.
+    pub(super) fn new(allocation: &Allocation, grid: &TileGrid) -> Self {
+        let for_each = if grid.has_light_plane { allocation.splats } else { 0 };
+        let is_alone = allocation.sharing == Sharing::None;
         let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);
         Self { subpaths, shared_by: if is_alone && for_each > 0 { ALL } else { subpaths } }
     }

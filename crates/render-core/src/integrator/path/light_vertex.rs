@@ -48,6 +48,8 @@ pub(super) enum FoundBy {
     MethodAlone,
     /// By chance.
     Chance,
+    /// Not at all.
+    Nothing,
     /// Straight from the light, by next event estimation with this density, and by chance if the light can be met.
     Straight(f64),
 }

@@ -123,26 +123,28 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
     }
     let last = vertices.len() - 1;
     let connections = if tracer.is_connected { last } else { 0 };
-    // What a method shares with none, light subpaths leave to it.
-    let shares: Option<Vec<f64>> = (0..connections)
+    // What others share with none, light subpaths leave to them.
+    let mut shares: Vec<f64> = (0..connections)
         .map(|number| {
             let [here, next] = [&vertices[number], &vertices[number + 1]];
             let [of_camera, of_light] = here.densities();
             let in_subpath = last - number - 1;
-            let by_camera = tracer.by_camera(subpath, in_subpath, next.towards[0], last as u32, counters)?;
-            let from = [(by_light[number].total(|| of_light), of_camera), (by_camera, next.densities()[1])];
-            Some(connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from))
+            let by_camera = tracer.by_camera(subpath, in_subpath, next.towards[0], last as u32, counters);
+            by_camera.map_or(0.0, |by_camera| {
+                let from = [(by_light[number].total(|| of_light), of_camera), (by_camera, next.densities()[1])];
+                connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from)
+            })
         })
         .collect();
-    let mut shares = shares?;
     if splats > 0.0 {
         let [here, next] = [&vertices[0], &vertices[1]];
-        let by_camera = tracer.by_camera(subpath, last - 1, next.towards[0], last as u32, counters)?;
+        let by_camera = tracer.by_camera(subpath, last - 1, next.towards[0], last as u32, counters);
         let cosines = [next.cosines()[0], here.cosines()[1]];
         let straight = tracer.is_connected.then(|| squared(0));
         let edge = Edge { straight, cosines, pdf: next.densities()[1] };
-        let by_camera = FromLight::behind(&edge).total(here.densities()[0], by_camera);
-        shares.push(splat_share(splats, seen, by_camera));
+        shares.push(by_camera.map_or(0.0, |by_camera| {
+            splat_share(splats, seen, FromLight::behind(&edge).total(here.densities()[0], by_camera))
+        }));
     }
     let end = &vertices[last];
     let start = &subpath.start;
@@ -178,9 +180,10 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
         };
         let surface = SurfaceId::Pane { index: pane, face };
         if let Some(point) = tracer.owner(point, false, &path, counters) {
-            let density = tracer.method.unwrap().density(tracer.scene, &point, &path, counters).unwrap();
-            let sampled = SampledPath { density, surface, exit: to_light, hit, transmitted: subpath.choices };
-            let arrival = Arrival { direction: end.towards[1], weight: DVec3::ONE, path: Some(sampled) };
+            let density = tracer.method.unwrap().density(tracer.scene, &point, &path, counters);
+            let transmitted = subpath.choices;
+            let path = density.map(|density| SampledPath { density, surface, exit: to_light, hit, transmitted });
+            let arrival = Arrival { direction: end.towards[1], weight: DVec3::ONE, path };
             let air = Bodies::default();
             let lobe = Lobe {
                 bsdf: end.bsdf,
@@ -226,7 +229,7 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
 /// What is known of the shares in paths of which light subpaths have found a part.
 #[derive(Debug, Default)]
 struct Found {
-    /// How many paths have each number of techniques.
+    /// How many paths have each number of techniques that have a share.
     techniques: [u32; 8],
     /// The smallest of the largest shares.
     smallest: f64,
@@ -251,7 +254,8 @@ fn check(scene: &Value, panes: usize, has_light_plane: bool, allocation: Allocat
             let Some(shares) = shares(&tracer, &ray, &subpath) else { continue };
             let sum: f64 = shares.iter().sum();
             assert!((sum - 1.0).abs() < 1e-6, "{sum} {shares:?} {:?} {:?}", subpath.links, subpath.start);
-            found.techniques[shares.len().min(7)] += 1;
+            let count = shares.iter().filter(|share| **share > 0.0).count();
+            found.techniques[count.min(7)] += 1;
             let largest = shares.iter().copied().fold(0.0, f64::max);
             found.smallest = found.smallest.min(largest);
             let kind = if subpath.links.is_empty() { 0 } else { 1 + usize::from(subpath.links.len() > 2 * panes) };
@@ -307,5 +311,12 @@ fn shares_sum_to_one_where_a_search_finds_the_light() {
         let found = check(&gentle(&lights), 1, true, allocation);
         assert!(found.kinds[1] > 100 && found.kinds[2] > 0, "{found:?}");
         assert!(found.smallest < 0.9, "{found:?}");
+    }
+    // Many paths are the method's alone, and some are shared with chance.
+    let by_chance = Allocation { sharing: Sharing::Chance, ..Allocation::USUAL };
+    for lights in [json!([sun, lamp]), json!([candle, star, sun])] {
+        let found = check(&gentle(&lights), 1, true, by_chance);
+        let [one, shared] = [found.techniques[1], found.techniques[2..].iter().sum()];
+        assert!(one > 100 && shared > 0 && found.smallest < 0.9, "{found:?}");
     }
 }
