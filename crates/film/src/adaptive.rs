@@ -129,7 +129,7 @@ pub fn shares(grid: &TileGrid, noise: &[f64]) -> Vec<Share> {
             Share::ALL
         })
     };
-    let light = grid.light_tile().map(|_| Share(Share::ALL));
+    let light = grid.light_tiles().map(|_| Share(Share::ALL));
     noise.into_iter().map(share).chain(light).collect()
 }
 

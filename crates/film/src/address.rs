@@ -1,6 +1,7 @@
 //! Addresses: tiles of the image, runs of passes, and the nodes of the merge tree.
 
 use std::fmt;
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
@@ -91,11 +92,15 @@ pub fn smallest_tile(width: u32, height: u32) -> u32 {
     (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE)
 }
 
-/// The most pixels of a frame that has a light plane, as 1920 x 1080: workers and coordinators hold all of it.
-pub const MOST_LIGHT_PIXELS: u64 = 1 << 21;
+/// The most pixels of a frame that has a light plane, as 4096 x 4096: who traces light holds all of it.
+pub const MOST_LIGHT_PIXELS: u64 = 1 << 24;
+
+/// The most pixels of a strip of the light plane, unless it is a single row of tiles: as 1920 x 1080.
+const MOST_STRIP_PIXELS: u64 = 1 << 21;
 
 /// How a film is cut into tiles. Those of the camera plane are squares of `tile_size`, smaller at the right and bottom
-/// borders, numbered in rows. The light plane, if there is one, is the last tile: the whole frame.
+/// borders, numbered in rows. The light plane, if there is one, comes last. Its tiles are strips over the whole width:
+/// one, or several rows of tiles each where a frame is large.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TileGrid {
     /// Pixels across the image.
@@ -145,12 +150,35 @@ impl TileGrid {
 
     /// Number of tiles.
     pub fn len(&self) -> u32 {
-        self.camera_tiles() + u32::from(self.has_light_plane)
+        let strips = if self.has_light_plane { self.rows().div_ceil(self.strip_rows()) } else { 0 };
+        self.camera_tiles() + strips
     }
 
-    /// The tile that is the light plane, if there is one.
-    pub fn light_tile(&self) -> Option<u32> {
-        self.has_light_plane.then(|| self.camera_tiles())
+    /// The tiles of the light plane: strips, from the top to the bottom. None where there is no light plane.
+    pub fn light_tiles(&self) -> Range<u32> {
+        self.camera_tiles()..self.len()
+    }
+
+    /// The strip of the light plane over a tile of the camera plane, if there is a light plane.
+    pub fn light_over(&self, tile: u32) -> Option<u32> {
+        let strip = self.camera_tiles() + tile / self.columns() / self.strip_rows();
+        (tile < self.camera_tiles() && strip < self.len()).then_some(strip)
+    }
+
+    /// The tiles of the camera plane under a strip of the light plane.
+    pub fn under_light(&self, strip: u32) -> Range<u32> {
+        let tiles = self.strip_rows() * self.columns();
+        let first = strip.saturating_sub(self.camera_tiles()) * tiles;
+        first..self.camera_tiles().min(first + tiles)
+    }
+
+    /// Rows of tiles in a strip of the light plane: strips are about equally high.
+    fn strip_rows(&self) -> u32 {
+        let row = u64::from(self.width) * u64::from(self.tile_size);
+        let whole = u64::from(self.width) * u64::from(self.height);
+        let fitting = if whole <= MOST_STRIP_PIXELS { self.rows() } else { (MOST_STRIP_PIXELS / row.max(1)) as u32 };
+        let strips = self.rows().div_ceil(fitting.max(1)).max(1);
+        self.rows().div_ceil(strips).max(1)
     }
 
     /// Whether there is no tile.
@@ -161,8 +189,10 @@ impl TileGrid {
     /// The pixels of tile `index`; `None` when there is no such tile.
     pub fn tile(&self, index: u32) -> Option<Tile> {
         let tile = |position, size| Tile { has_caustic: self.has_caustic, ..Tile::new(position, size) };
-        if Some(index) == self.light_tile() {
-            return Some(Tile { plane: Plane::Light, ..tile([0, 0], [self.width, self.height]) });
+        if self.light_tiles().contains(&index) {
+            let edge = self.strip_rows() * self.tile_size;
+            let y = (index - self.camera_tiles()) * edge;
+            return Some(Tile { plane: Plane::Light, ..tile([0, y], [self.width, edge.min(self.height - y)]) });
         }
         if index >= self.camera_tiles() {
             return None;
@@ -270,12 +300,39 @@ mod tests {
     #[test]
     fn the_light_plane_is_the_last_tile_and_the_whole_frame() {
         let grid = TileGrid::new(21, 13, 8);
-        assert_eq!((grid.len(), grid.light_tile(), grid.tile(6)), (6, None, None));
+        assert_eq!((grid.len(), grid.light_tiles(), grid.light_over(5), grid.tile(6)), (6, 6..6, None, None));
         let both = grid.with_light_plane(true);
-        assert_eq!((both.camera_tiles(), both.len(), both.light_tile()), (6, 7, Some(6)));
+        assert_eq!((both.camera_tiles(), both.len(), both.light_tiles()), (6, 7, 6..7));
+        assert_eq!((both.light_over(5), both.under_light(6)), (Some(6), 0..6));
         assert!((0..6).all(|index| both.tile(index) == grid.tile(index)));
         assert_eq!(both.tile(6), Some(Tile { plane: Plane::Light, ..Tile::new([0, 0], [21, 13]) }));
         assert_eq!(both.tile(7), None);
+    }
+
+    #[test]
+    fn strips_of_the_light_plane_are_rows_of_tiles_over_the_whole_frame() {
+        for (width, height, tile_size, strips) in
+            [(1920, 1080, 64, 1), (2048, 1024, 64, 1), (3840, 2160, 64, 5), (4096, 4096, 1024, 4), (3840, 2160, 7, 4)]
+        {
+            let grid = TileGrid::new(width, height, tile_size).with_light_plane(true);
+            assert_eq!(grid.light_tiles().len(), strips, "{grid:?}");
+            let (mut next_row, mut next_tile) = (0, 0);
+            for strip in grid.light_tiles() {
+                let tile = grid.tile(strip).unwrap();
+                assert_eq!((tile.x, tile.y, tile.width, tile.plane), (0, next_row, width, Plane::Light));
+                assert!(tile.pixels() as u64 <= MOST_STRIP_PIXELS.max(u64::from(width * tile_size)));
+                let under = grid.under_light(strip);
+                assert_eq!(under.start, next_tile);
+                for index in [under.start, under.end - 1] {
+                    let here = grid.tile(index).unwrap();
+                    assert!(tile.y <= here.y && here.y + here.height <= tile.y + tile.height);
+                    assert_eq!(grid.light_over(index), Some(strip));
+                }
+                (next_row, next_tile) = (tile.y + tile.height, under.end);
+            }
+            assert_eq!((next_row, next_tile), (height, grid.camera_tiles()));
+            assert_eq!((grid.tile(grid.len()), grid.light_over(grid.camera_tiles())), (None, None));
+        }
     }
 
     #[test]

@@ -25,6 +25,26 @@ pub struct Counters {
     pub samples: u64,
 }
 
+impl Counters {
+    /// The `number`-th of `count` parts, from 0 on. All of them together are the whole.
+    #[must_use]
+    pub fn part(&self, number: u32, count: u32) -> Self {
+        let up_to =
+            |counted: u64, parts: u32| (u128::from(counted) * u128::from(parts) / u128::from(count.max(1))) as u64;
+        let part = |counted: u64| up_to(counted, number.saturating_add(1)) - up_to(counted, number);
+        Self {
+            height_evaluations: part(self.height_evaluations),
+            solver_calls: part(self.solver_calls),
+            converged: part(self.converged),
+            unique_solutions: part(self.unique_solutions),
+            trials: part(self.trials),
+            truncated: part(self.truncated),
+            rays: part(self.rays),
+            samples: part(self.samples),
+        }
+    }
+}
+
 /// Sums saturate: those of a farm have terms that were counted by others.
 impl AddAssign for Counters {
     fn add_assign(&mut self, other: Self) {

@@ -65,7 +65,7 @@ impl ImageMetadata {
         self.standard_error_tiles = Some(self.tiles_with_standard_error());
     }
 
-    /// Tiles of two whole blocks or more, whose standard error is known. The light plane counts as one.
+    /// Tiles of two whole blocks or more, whose standard error is known, those of the light plane among them.
     pub fn tiles_with_standard_error(&self) -> u32 {
         let is_known = |passes: &&u32| self.sampling.complete_blocks(**passes) >= 2;
         u32::try_from(self.tile_passes.iter().filter(is_known).count()).unwrap_or(u32::MAX)
@@ -100,12 +100,11 @@ impl FrameImage {
         }
         check_layers(width, 0..height, &layers)?;
         if let Some(ImageMetadata { tile_size, tile_passes, .. }) = &metadata {
-            let along = |length: u32| if *tile_size == 0 { 0 } else { u64::from(length.div_ceil(*tile_size)) };
-            let expected = along(width) * along(height);
+            let grid = TileGrid::new(width, height, (*tile_size).max(1));
+            let counts = [false, true].map(|has_light_plane| u64::from(grid.with_light_plane(has_light_plane).len()));
             let found = tile_passes.len() as u64;
-            // With a light plane, or without one.
-            if *tile_size == 0 || !(expected..=expected + 1).contains(&found) {
-                return Err(ImageError::WrongTileCount { tile_size: *tile_size, found, expected });
+            if *tile_size == 0 || !counts.contains(&found) {
+                return Err(ImageError::WrongTileCount { tile_size: *tile_size, found, expected: counts[0] });
             }
         }
         Ok(Self { width, height, layers, metadata })
@@ -118,10 +117,10 @@ impl FrameImage {
     ///
     /// [`ImageError`] when the grid has no pixels or a sum is of another grid.
     pub fn assemble(grid: &TileGrid, sums: &[TileSum], mut metadata: ImageMetadata) -> Result<Self, ImageError> {
-        let is_light = |sum: &&TileSum| Some(sum.tile_index) == grid.light_tile();
+        let is_light = |sum: &&TileSum| grid.light_tiles().contains(&sum.tile_index);
         let is_known = |sum: &TileSum| sum.blocks() >= 2;
-        let has_standard_error =
-            sums.iter().any(is_known) && (!grid.has_light_plane || sums.iter().find(is_light).is_some_and(is_known));
+        let known_light = sums.iter().filter(is_light).filter(|sum| is_known(sum)).count();
+        let has_standard_error = sums.iter().any(is_known) && known_light == grid.light_tiles().len();
         let mut rows = ImageRows::new(*grid, 0..grid.height, LayerChoice::all(has_standard_error));
         metadata.tile_size = grid.tile_size;
         let mut tile_passes = vec![0; grid.len() as usize];

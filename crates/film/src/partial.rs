@@ -244,7 +244,7 @@ mod tests {
 
     #[track_caller]
     fn check_light_nodes(grid: TileGrid) {
-        let tile = grid.light_tile().unwrap();
+        let tile = grid.light_tiles().start;
         let nodes: Vec<Rendered> = [(0, 0), (2, 1)]
             .map(|(level, index)| address(tile, level, index))
             .map(|address| counted(noise_node(address, grid.tile(tile).unwrap(), sampling())))

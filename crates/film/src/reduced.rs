@@ -102,7 +102,7 @@ impl ReducedImage {
 
     /// Computes the pixels that stand for a tile, each from its column and row.
     fn each_pixel(&mut self, tile: u32, is_seen: bool, pixel: impl Fn([u32; 2]) -> [f32; 3]) {
-        let plane = usize::from(Some(tile) == self.grid.light_tile());
+        let plane = usize::from(self.grid.light_tiles().contains(&tile));
         let Some(tile) = self.grid.tile(tile) else { return };
         let middles = |first: u32, length: u32, whole: u32| {
             let factor = self.factor;

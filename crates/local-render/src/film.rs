@@ -7,9 +7,9 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clerestory_film::counters::Counters;
-use clerestory_film::{FilmTile, NodeAddress, TileSum};
+use clerestory_film::{FilmTile, NodeAddress, Rendered, TileSum};
 use clerestory_render_core::integrator::PreparedScene;
-use clerestory_render_core::integrator::{RenderError, Rendered, render_node};
+use clerestory_render_core::integrator::{RenderError, render_nodes};
 use rayon::prelude::*;
 
 use crate::FRAME;
@@ -27,6 +27,12 @@ struct LocalTile {
     wanted: u32,
     /// How long the last of them took, of the light plane.
     last: Duration,
+}
+
+impl LocalTile {
+    fn lacks_passes(&self) -> bool {
+        self.passes < self.wanted
+    }
 }
 
 /// The passes of an image that have been rendered. They are rendered on the current rayon pool.
@@ -58,26 +64,20 @@ impl<'a> LocalFilm<'a> {
     /// When a pass cannot be rendered.
     pub fn render_pass(&mut self, control: &Control) -> Result<bool, LocalRenderError> {
         let Self { scene, plan, .. } = *self;
-        let render_tile = |tile: &mut LocalTile| -> Result<Option<Counters>, LocalRenderError> {
-            if tile.passes >= tile.wanted {
-                return Ok(Some(Counters::default()));
-            }
-            // A pass of the light plane is one long piece of work.
-            if tile.passes > 0 && control.is_late_after(tile.last) {
-                return Ok(None);
-            }
-            let begun = Instant::now();
-            let Some(Rendered { node, counters }) = render_leaf(scene, plan, tile.index, tile.passes, control)? else {
-                return Ok(None);
-            };
-            tile.film.insert(node)?;
-            tile.passes += 1;
-            if Some(tile.index) == plan.grid.light_tile() {
-                tile.last = begun.elapsed();
-            }
-            Ok(Some(counters))
-        };
-        let rendered: Vec<Option<Counters>> = self.tiles.par_iter_mut().map(render_tile).collect::<Result<_, _>>()?;
+        let strips = plan.grid.light_tiles();
+        let of_camera = self.tiles.partition_point(|tile| tile.index < strips.start);
+        let (camera, light) = self.tiles.split_at_mut(of_camera);
+        let (light, camera) = rayon::join(
+            || -> Result<Vec<_>, LocalRenderError> {
+                let alike = light.chunk_by_mut(|a, b| (a.passes, a.lacks_passes()) == (b.passes, b.lacks_passes()));
+                alike.map(|strips| render_one_more(scene, plan, strips, control)).collect()
+            },
+            || {
+                let each = camera.par_iter_mut().map(std::slice::from_mut);
+                each.map(|tile| render_one_more(scene, plan, tile, control)).collect::<Result<Vec<_>, _>>()
+            },
+        );
+        let rendered: Vec<Option<Counters>> = camera?.into_iter().chain(light?).collect();
         rendered.iter().flatten().for_each(|tile| self.counters += *tile);
         Ok(rendered.iter().all(Option::is_some))
     }
@@ -97,7 +97,7 @@ impl<'a> LocalFilm<'a> {
         for tile in &mut self.tiles {
             tile.wanted = tile_passes.get(tile.index as usize).copied().unwrap_or(0);
         }
-        while self.tiles.iter().any(|tile| tile.passes < tile.wanted) {
+        while self.tiles.iter().any(LocalTile::lacks_passes) {
             if !self.render_pass(control)? {
                 return Ok(false);
             }
@@ -106,21 +106,51 @@ impl<'a> LocalFilm<'a> {
     }
 }
 
-/// Renders a pass of a tile; `None` when `control` stopped it.
-pub(crate) fn render_leaf(
+/// Renders one more pass of tiles that have equally many: of one tile, or of strips of the light plane. `None` when
+/// `control` stopped it.
+fn render_one_more(
     scene: &PreparedScene,
     plan: &PassPlan,
-    tile: u32,
+    tiles: &mut [LocalTile],
+    control: &Control,
+) -> Result<Option<Counters>, LocalRenderError> {
+    let Some(first) = tiles.first().filter(|tile| tile.lacks_passes()) else { return Ok(Some(Counters::default())) };
+    // A pass of the light plane is one long piece of work.
+    if first.passes > 0 && control.is_late_after(first.last) {
+        return Ok(None);
+    }
+    let begun = Instant::now();
+    let indices: Vec<u32> = tiles.iter().map(|tile| tile.index).collect();
+    let Some(rendered) = render_leaves(scene, plan, &indices, first.passes, control)? else { return Ok(None) };
+    let mut counters = Counters::default();
+    for (tile, rendered) in tiles.iter_mut().zip(rendered) {
+        tile.film.insert(rendered.node)?;
+        tile.passes += 1;
+        if plan.grid.light_tiles().contains(&tile.index) {
+            tile.last = begun.elapsed();
+        }
+        counters += rendered.counters;
+    }
+    Ok(Some(counters))
+}
+
+/// Renders a pass of tiles; `None` when `control` stopped it.
+pub(crate) fn render_leaves(
+    scene: &PreparedScene,
+    plan: &PassPlan,
+    tiles: &[u32],
     pass: u32,
     control: &Control,
-) -> Result<Option<Rendered>, LocalRenderError> {
-    let address = NodeAddress { frame: FRAME, tile, level: 0, index: pass };
-    match render_node(scene, &plan.grid, address, &control.cancelled) {
+) -> Result<Option<Vec<Rendered>>, LocalRenderError> {
+    let address = |tile: &u32| NodeAddress { frame: FRAME, tile: *tile, level: 0, index: pass };
+    let addresses: Vec<NodeAddress> = tiles.iter().map(address).collect();
+    match render_nodes(scene, &plan.grid, &addresses, &control.cancelled) {
         Ok(rendered) => {
-            control.samples.fetch_add(rendered.counters.samples, Ordering::Relaxed);
+            let samples = rendered.iter().map(|rendered| rendered.counters.samples).sum();
+            control.samples.fetch_add(samples, Ordering::Relaxed);
             Ok(Some(rendered))
         }
         Err(RenderError::Cancelled) => Ok(None),
-        Err(source) => Err(LocalRenderError::Render { address, source }),
+        Err(source) => Err(LocalRenderError::Render { address: address(&tiles[0]), source }),
     }
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::control::Control;
 use crate::error::LocalRenderError;
-use crate::film::{LocalFilm, render_leaf};
+use crate::film::{LocalFilm, render_leaves};
 use crate::plan::PassPlan;
 
 /// A complete round.
@@ -100,10 +100,12 @@ fn render_pilot(
     let noise_of = |tile: u32| -> Result<Option<(f64, Counters)>, LocalRenderError> {
         let (mut nodes, mut counters) = (Vec::new(), Counters::default());
         for pass in adaptation.pilot() {
-            let rendered = if control.is_late() { None } else { render_leaf(scene, plan, tile, pass, control)? };
+            let rendered = if control.is_late() { None } else { render_leaves(scene, plan, &[tile], pass, control)? };
             let Some(rendered) = rendered else { return Ok(None) };
-            nodes.push(rendered.node);
-            counters += rendered.counters;
+            for rendered in rendered {
+                nodes.push(rendered.node);
+                counters += rendered.counters;
+            }
         }
         Ok(Some((noise(&nodes), counters)))
     };

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use clerestory_film::{NodeAddress, Rendered};
-use clerestory_render_core::integrator::{RenderError, render_node};
+use clerestory_render_core::integrator::{RenderError, render_nodes, rendered_together};
 use clerestory_render_core::probe::{self, ProbeDigests, ProbeError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use tokio::sync::mpsc;
@@ -76,15 +76,22 @@ impl Renderer {
         let mut last_completed = start;
         let mut samples = 0;
         let (ends, ended) = std::sync::mpsc::channel();
-        let mut nodes_left = nodes.iter();
+        let addresses = nodes.iter().map(|node| NodeAddress {
+            frame: node.frame,
+            tile: node.tile,
+            level: node.level,
+            index: node.index,
+        });
+        let addresses: Vec<NodeAddress> = addresses.collect();
+        let mut nodes_left = rendered_together(&plan.grid, &addresses);
         self.pool.in_place_scope(|scope| {
             let mut begin_next = || {
-                let Some(node) = nodes_left.next() else { return false };
+                let Some(together) = nodes_left.next() else { return false };
                 let ends = ends.clone();
                 scope.spawn(move |_| {
                     // The result may wait in the channel while the coordinator is away. That time belongs to no node.
                     let begun = Instant::now();
-                    let rendered = self.render_node(plan, node, cancelled);
+                    let rendered = self.render_nodes(plan, together, cancelled);
                     // After a failure the receiver is gone, and no further node counts.
                     let _ = ends.send((rendered, begun, Instant::now()));
                 });
@@ -98,12 +105,15 @@ impl Renderer {
                 if !begin_next() {
                     in_flight -= 1;
                 }
-                samples += rendered.counters.samples;
                 let took = completed.saturating_duration_since(begun.max(last_completed));
                 let core_time = took.saturating_mul(u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX));
                 last_completed = last_completed.max(completed);
-                if complete.blocking_send(RenderedNode { rendered, core_time }).is_err() {
-                    return Err(LeaseError::Stopped);
+                let core_time = core_time / u32::try_from(rendered.len()).unwrap_or(u32::MAX).max(1);
+                for rendered in rendered {
+                    samples += rendered.counters.samples;
+                    if complete.blocking_send(RenderedNode { rendered, core_time }).is_err() {
+                        return Err(LeaseError::Stopped);
+                    }
                 }
             }
             Ok(())
@@ -113,17 +123,18 @@ impl Renderer {
         Ok(())
     }
 
-    fn render_node(
+    /// Renders some nodes together: at least one.
+    fn render_nodes(
         &self,
         plan: &JobPlan,
-        node: &clerestory_api::NodeAddress,
+        addresses: &[NodeAddress],
         cancelled: &AtomicBool,
-    ) -> Result<Rendered, LeaseError> {
-        let address = NodeAddress { frame: node.frame, tile: node.tile, level: node.level, index: node.index };
+    ) -> Result<Vec<Rendered>, LeaseError> {
+        let [address, ..] = *addresses else { return Ok(Vec::new()) };
         if address.frame != 0 {
             return Err(LeaseError::NoSuchFrame(address.frame));
         }
-        let work = || render_node(&plan.scene, &plan.grid, address, cancelled);
+        let work = || render_nodes(&plan.scene, &plan.grid, addresses, cancelled);
         // A panic leaves nothing half written: the scene is immutable and the node is dropped.
         match catch_unwind(AssertUnwindSafe(work)) {
             Ok(Ok(rendered)) => Ok(rendered),

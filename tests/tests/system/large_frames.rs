@@ -8,7 +8,7 @@ use std::path::Path;
 
 use clerestory_tests::farm::{Farm, PeakMemory, succeeded};
 use clerestory_tests::large_frame::{self, OPTIONS, PASSES, PIXEL_BYTES};
-use clerestory_tests::made_images::{assert_same_bits, rendered_alone};
+use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, rendered_alone, rendered_by};
 use tempfile::TempDir;
 
 const MEBIBYTE: u64 = 1 << 20;
@@ -48,6 +48,30 @@ fn a_coordinator_has_no_more_memory_for_a_frame_of_sixteen_times_the_size() {
     let told = format!("{} MiB and {} MiB", small.resident / MEBIBYTE, large.resident / MEBIBYTE);
     println!("most memory of the coordinator: {told}; the larger image has {} MiB", image / MEBIBYTE);
     assert!(grown < image / 4, "{told}");
+}
+
+/// A bulb over a floor, in a frame whose light plane is two strips.
+const BULB: &str = r#"{
+    "version": 2, "name": "bulb", "film": {"width": 2048, "height": 1025}, "integrator": {"light": {"subpaths": 1}},
+    "sampling": {"samples_per_pass": 1, "samples_per_block": 1},
+    "camera": {"perspective": {
+        "position": [0, 0, 1], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40}},
+    "materials": {"plaster": {"diffuse": {"reflectance": {"colour": [0.7, 0.6, 0.5]}}}},
+    "meshes": [{"name": "floor", "material": "plaster", "source": {"inline": {
+        "positions": [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], "triangles": [[0, 1, 2], [0, 2, 3]]}}}],
+    "lights": [{"sphere": {"name": "bulb", "centre": [0, 0, 2], "radius": 0.1, "radiance": [9, 9, 9]}}]}"#;
+
+#[test]
+fn a_light_plane_in_strips_has_the_bits_of_one_process() {
+    let folder = TempDir::new().unwrap();
+    let scene = folder.path().join("bulb.json");
+    fs::write(&scene, BULB).unwrap();
+    let alone = rendered_alone(&scene, folder.path(), "alone.exr", &["--spp", "2"]);
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("first");
+    farm.start_worker("second");
+    farm.submit(&scene, &["--spp", "2", "--tile", "512"]);
+    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use clerestory_api::BuiltScene;
-use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum};
+use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, Tile, TileGrid, TileSum};
 use clerestory_render_core::document::SceneHeader;
 use serde_json::Value;
 
@@ -94,10 +94,12 @@ impl Frame<'_> {
         if most == 0 {
             return Err(FilmError::Empty);
         }
-        if let Some(light) = self.job.grid.light_tile() {
-            let wanted = self.extent.passes(self.frame, light);
-            let complete = self.reader.store.complete_passes(self.job.id, self.frame, light..light + 1).await?;
-            most = most.min(wanted.or_else(|| complete.first().copied()).unwrap_or(0));
+        let light = self.job.grid.light_tiles();
+        if !light.is_empty() {
+            let complete = self.reader.store.complete_passes(self.job.id, self.frame, light.clone()).await?;
+            let of_strips = light.zip(complete);
+            let passes = of_strips.map(|(strip, complete)| self.extent.passes(self.frame, strip).unwrap_or(complete));
+            most = most.min(passes.min().unwrap_or(0));
         }
         Ok(self.job.sampling()?.complete_blocks(most) >= 2)
     }
@@ -118,7 +120,9 @@ impl Frame<'_> {
         let mut image = ImageRows::new(grid, rows.clone(), choice);
         let first_tile = rows.start / grid.tile_size * grid.columns();
         let end_tile = rows.end.div_ceil(grid.tile_size) * grid.columns();
-        let of_light = grid.light_tile().into_iter().flat_map(|light| runs(light..light + 1));
+        let is_in_rows = |tile: Tile| tile.y < rows.end && rows.start < tile.y + tile.height;
+        let of_light = grid.light_tiles().filter(|strip| grid.tile(*strip).is_some_and(is_in_rows));
+        let of_light = of_light.map(|strip| strip..strip + 1);
         for Range { start: mut next, end } in runs(first_tile..end_tile).chain(of_light) {
             while next < end {
                 let nodes = self.reader.store.nodes(self.job.id, self.frame, next..end, self.end_pass()).await?;

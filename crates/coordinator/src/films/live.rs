@@ -155,34 +155,38 @@ impl LiveErrors {
             Some(hash) => Some(ReferenceRows::new(self, job.grid, hash).await),
             None => None,
         };
-        let light = self.light(job).await?;
-        if job.grid.has_light_plane && light.is_none() {
-            // Without its light, the picture is too dark to be measured.
-            return Ok(true);
-        }
         let (first, end) = (live.next_tile, job.grid.camera_tiles());
-        for tiles in runs(first..end).chain(runs(0..first)) {
-            let is_complete = loop {
-                match self.measure_run(job, live, tiles.clone(), light.as_ref(), &mut reference, begin_ms).await {
-                    Ok(is_complete) => break is_complete,
-                    Err(failure) => self.reader.unless_merged(job.id, failure).await?,
-                }
-                if self.clock.now_ms() - begin_ms >= UPDATE_MS {
-                    break false;
-                }
+        for tiles in under_strips(&job.grid, first..end).into_iter().chain(under_strips(&job.grid, 0..first)) {
+            let light = match job.grid.light_over(tiles.start) {
+                None => None,
+                Some(strip) => match self.light(job, strip).await? {
+                    // Without its light, the picture is too dark to be measured.
+                    None => continue,
+                    light => light,
+                },
             };
-            if !is_complete {
-                return Ok(false);
+            for tiles in runs(tiles) {
+                let is_complete = loop {
+                    match self.measure_run(job, live, tiles.clone(), light.as_ref(), &mut reference, begin_ms).await {
+                        Ok(is_complete) => break is_complete,
+                        Err(failure) => self.reader.unless_merged(job.id, failure).await?,
+                    }
+                    if self.clock.now_ms() - begin_ms >= UPDATE_MS {
+                        break false;
+                    }
+                };
+                if !is_complete {
+                    return Ok(false);
+                }
             }
         }
         Ok(true)
     }
 
-    /// The light plane, if there is one with passes.
-    async fn light(&self, job: &JobRecord) -> Result<Option<Arc<TileSum>>, FilmError> {
-        let Some(tile) = job.grid.light_tile() else { return Ok(None) };
+    /// A strip of the light plane, if it has passes.
+    async fn light(&self, job: &JobRecord, strip: u32) -> Result<Option<Arc<TileSum>>, FilmError> {
         loop {
-            let rows = self.reader.store.nodes(job.id, 0, tile..tile + 1, job.passes).await?;
+            let rows = self.reader.store.nodes(job.id, 0, strip..strip + 1, job.passes).await?;
             if rows.is_empty() {
                 return Ok(None);
             }
@@ -292,6 +296,18 @@ impl Live {
     }
 }
 
+/// Tiles of the camera plane, cut where strips of the light plane end.
+fn under_strips(grid: &TileGrid, tiles: Range<u32>) -> Vec<Range<u32>> {
+    if !grid.has_light_plane {
+        return vec![tiles];
+    }
+    let cut = |strip| {
+        let under = grid.under_light(strip);
+        under.start.max(tiles.start)..under.end.min(tiles.end)
+    };
+    grid.light_tiles().map(cut).filter(|tiles| !tiles.is_empty()).collect()
+}
+
 /// Whether nodes belong to one of these sorted tiles.
 fn is_of(rows: &[NodeRow], tiles: &[u32]) -> bool {
     rows.first().is_some_and(|row| tiles.binary_search(&row.address.tile).is_ok())
@@ -339,8 +355,8 @@ impl ShownTile {
         let blocks = light.map_or(sum.blocks(), |light| light.blocks().min(sum.blocks()));
         let mut image = ImageRows::new(grid, 0..grid.height, LayerChoice::measured(blocks >= 2));
         image.fill(&sum)?;
-        if let (Some(light), Some(index)) = (light, grid.light_tile()) {
-            let mut here = light.cropped(index, place);
+        if let Some(light) = light {
+            let mut here = light.cropped(grid.light_tiles().start, place);
             here.tile = Tile { x: 0, y: 0, plane: Plane::Light, ..place };
             image.fill(&here)?;
         }

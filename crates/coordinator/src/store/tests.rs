@@ -75,8 +75,8 @@ use claims::{
     nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
     nodes_that_were_taken_over_are_not_accepted_after_the_job_was_unpinned,
     one_machine_alone_fails_no_job_that_another_could_render,
-    returned_work_is_free_at_once_and_returning_twice_is_harmless, the_speed_of_a_worker_is_that_of_its_last_work,
-    times_of_short_nodes_add_up_and_give_a_speed,
+    returned_work_is_free_at_once_and_returning_twice_is_harmless, strips_of_the_light_plane_are_leased_together,
+    the_speed_of_a_worker_is_that_of_its_last_work, times_of_short_nodes_add_up_and_give_a_speed,
 };
 use deaths::{
     a_check_that_workers_die_with_again_and_again_is_given_up, a_job_that_kills_the_only_worker_five_times_is_held,
@@ -466,6 +466,7 @@ on_both! {
     overdue_nodes_of_the_next_round_are_taken_over_while_there_is_work_of_later_ones
     a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time
     nodes_that_were_cut_before_are_cut_again_for_a_slower_worker
+    strips_of_the_light_plane_are_leased_together
     times_of_short_nodes_add_up_and_give_a_speed
     the_speed_of_a_worker_is_that_of_its_last_work
     two_equal_votes_end_a_check

@@ -1,12 +1,13 @@
-//! A pass of the light plane: light subpaths whose splats are summed over the whole frame.
+//! A pass of the light plane: light subpaths whose splats are summed over the frame, or over some of its rows.
 //!
 //! Subpaths are traced on all cores, and their splats are added in the order of the subpaths. So the sums do not depend
-//! on the number of threads, and a frame has one buffer.
+//! on the number of threads nor on the rows, and there is one buffer.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
-use clerestory_film::{SampleStream, Tile};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -22,20 +23,23 @@ const GROUPS: u64 = 64;
 pub(super) struct LightPass<'a> {
     pub(super) tracer: &'a PathTracer<'a>,
     pub(super) seed: u64,
-    /// The whole frame.
-    pub(super) tile: Tile,
+    /// Pixels across the frame.
+    pub(super) width: u32,
+    /// Rows whose splats are summed; others are dropped.
+    pub(super) rows: Range<u32>,
+    pub(super) has_caustic: bool,
     pub(super) cancelled: &'a AtomicBool,
 }
 
-/// The sums of the splats of a pass, for each pixel of the frame.
+/// The sums of the splats of a pass, for each pixel of the rows.
 pub(super) struct SplatSums {
     /// Of all splats.
     pub(super) all: Vec<DVec3>,
-    /// Of those that are caustic, where the tile has that layer.
+    /// Of those that are caustic, where the film has that layer.
     pub(super) caustic: Option<Vec<DVec3>>,
 }
 
-/// A splat with the number of its pixel.
+/// A splat with the number of its pixel in the rows.
 struct PlacedSplat {
     pixel: u32,
     is_caustic: bool,
@@ -45,8 +49,8 @@ struct PlacedSplat {
 impl LightPass<'_> {
     /// The sums of the splats of a number of light subpaths.
     pub(super) fn splats(&self, frame: u32, pass: u32, subpaths: u64) -> (SplatSums, Counters) {
-        let black = || vec![DVec3::ZERO; self.tile.pixels()];
-        let mut sums = SplatSums { all: black(), caustic: self.tile.has_caustic.then(black) };
+        let black = || vec![DVec3::ZERO; self.width as usize * self.rows.len()];
+        let mut sums = SplatSums { all: black(), caustic: self.has_caustic.then(black) };
         let mut counters = Counters::default();
         let groups = subpaths.div_ceil(GROUP);
         for first in (0..groups).step_by(GROUPS as usize) {
@@ -75,8 +79,10 @@ impl LightPass<'_> {
             let mut stream = SampleStream::of_light(self.seed, frame, pass, number);
             self.tracer.splat(&mut stream, &mut counters, |splat| {
                 let [x, y] = splat.pixel;
-                let (is_caustic, radiance) = (splat.is_caustic, splat.radiance);
-                splats.push(PlacedSplat { pixel: y * self.tile.width + x, is_caustic, radiance });
+                if self.rows.contains(&y) {
+                    let (is_caustic, radiance) = (splat.is_caustic, splat.radiance);
+                    splats.push(PlacedSplat { pixel: (y - self.rows.start) * self.width + x, is_caustic, radiance });
+                }
             });
         }
         (splats, counters)

@@ -7,8 +7,10 @@ pub mod path;
 mod pilot;
 mod prepared;
 pub mod render;
+#[cfg(test)]
+mod strips_tests;
 
 pub use prepared::PreparedScene;
-pub use render::{RenderError, render_node};
+pub use render::{RenderError, render_node, render_nodes, rendered_together};
 
 pub use clerestory_film::Rendered;

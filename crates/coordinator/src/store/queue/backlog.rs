@@ -43,11 +43,13 @@ pub(in crate::store) async fn fill_ready_queue(
         let pilot: Vec<u32> = job.pilot_in(round).collect();
         tile = next;
         for (index, passes) in tiles {
-            if free >= MOST_NODES {
+            let strips = job.grid.light_tiles();
+            // Strips of the light plane are leased together.
+            if free >= MOST_NODES && !(strips.start + 1..strips.end).contains(&index) {
                 tile = index;
                 break;
             }
-            let pilot = pilot.iter().filter(|_| Some(index) != job.grid.light_tile());
+            let pilot = pilot.iter().filter(|_| !strips.contains(&index));
             let nodes = cut(passes, level).chain(pilot.map(|pass| (0, *pass)));
             let before = pending.len();
             pending.extend(nodes.map(|(level, pass)| (round, NodeAddress { frame, tile: index, level, index: pass })));

@@ -32,8 +32,8 @@ use crate::store::queue::backlog::fill_ready_queue;
 use crate::store::queue::open_jobs::{
     JOBS_AT_ONCE, OpenJob, first_of, last_round, measured_rate, most_samples, open_jobs, prefer_built, withhold_refused,
 };
-use crate::store::queue::splits::{Side, split_off};
 use crate::store::queue::stragglers::{self, HeldLease, TakenOver};
+use crate::store::queue::strips::{gather_strips, split_first};
 use crate::store::queue::suspects::{Suspects, suspects};
 use crate::store::workers::table as workers;
 use crate::store::workers::table::Claimant;
@@ -250,13 +250,12 @@ async fn choose(
     if free < most && !is_enough && fill_ready_queue(connection, job, free, last_round(job, terms), rate).await? {
         nodes = free_nodes(connection, job, most, withheld.as_ref(), terms).await?;
     }
-    let mut nodes = first_of(nodes, job, rate, terms);
+    let mut nodes = gather_strips(connection, job, first_of(nodes, job, rate, terms), most).await?;
     if let Some(suspects) = &withheld {
+        suspects.withhold(&mut nodes);
         suspects.set_apart(&mut nodes);
     }
-    if let Some(first) = nodes.first_mut() {
-        *first = split_off(connection, job, *first, wanted, Side::First).await?;
-    }
+    split_first(connection, job, &mut nodes, wanted).await?;
     Ok(nodes)
 }
 

@@ -5,4 +5,5 @@ pub(in crate::store) mod claim;
 pub(in crate::store) mod open_jobs;
 pub(in crate::store) mod splits;
 pub(in crate::store) mod stragglers;
+pub(in crate::store) mod strips;
 pub(in crate::store) mod suspects;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use clerestory_api::{JobId, JobState, NamedWorker, WorkerId};
+use clerestory_api::{JobId, JobState, NamedWorker, WorkerId, WorkerRegistration};
 use clerestory_film::{NodeAddress, TileGrid};
 use uuid::Uuid;
 
@@ -89,6 +89,34 @@ pub(super) async fn nodes_that_were_cut_before_are_cut_again_for_a_slower_worker
     let rest = claim_all(&farm, worker).await;
     assert!(rest.iter().all(|node| node.level == 1), "{rest:?}");
     assert!(passes_of(&rest).into_iter().eq(4..64));
+}
+
+pub(super) async fn strips_of_the_light_plane_are_leased_together(farm: Farm) {
+    // Sixteen tiles of the camera plane, and four strips.
+    let grid = TileGrid::new(4096, 4096, 1024).with_light_plane(true);
+    farm.job_like(|job| NewJob { passes: 24, grid, ..job }).await;
+    let registration = WorkerRegistration {
+        method_digests: ["path", "light"].map(|method| (method.to_owned(), vec!["same".to_owned()])).into(),
+        ..WorkerRegistration::default()
+    };
+    let worker = farm.worker_like("w", registration).await.unwrap();
+    let mut leased: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+    while let Some(grant) = farm.store.claim(move || terms(worker, 0)).await.unwrap() {
+        // A rate by which leases have several passes.
+        bring_after(&farm, &grant, 20).await;
+        let strips: Vec<&NodeAddress> = grant.nodes.iter().filter(|node| node.tile >= 16).collect();
+        let of_each = strips.chunk_by(|a, b| (a.level, a.index) == (b.level, b.index));
+        for together in of_each {
+            assert!(together.iter().map(|node| node.tile).eq(16..20), "{:?}", grant.nodes);
+        }
+        assert!(strips.is_empty() || strips.len() == grant.nodes.len(), "{:?}", grant.nodes);
+        for node in grant.nodes {
+            let passes = leased.entry(node.tile).or_default();
+            let of_node = node.passes();
+            assert!((of_node.first..of_node.first + of_node.count).all(|pass| passes.insert(pass)), "{node:?} again");
+        }
+    }
+    assert!(leased.keys().copied().eq(0..20) && leased.values().all(|passes| passes.iter().copied().eq(0..24)));
 }
 
 pub(super) async fn times_of_short_nodes_add_up_and_give_a_speed(farm: Farm) {
