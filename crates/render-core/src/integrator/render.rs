@@ -146,7 +146,7 @@ impl Renderer<'_> {
         left?.into_iter().zip(right?).map(merge).collect()
     }
 
-    /// The leaves of strips of the light plane. The work is that of the whole frame, and is shared out among its strips.
+    /// The leaves of strips of the light plane. The work is that of the whole frame, and is shared out among strips.
     fn light_leaves(&self, address: NodeAddress) -> Result<Vec<Rendered>, RenderError> {
         let (Some((_, first)), Some((_, last))) = (self.tiles.first(), self.tiles.last()) else {
             return Ok(Vec::new());

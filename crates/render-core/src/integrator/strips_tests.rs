@@ -17,7 +17,8 @@ fn strips_of_the_light_plane_are_the_same_together_and_alone() {
     let quad = json!({"inline": {
         "positions": [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], "triangles": [[0, 1, 2], [0, 2, 3]]}});
     let scene = json!({
-        "version": 2, "name": "bulb", "film": {"width": width, "height": height}, "integrator": {"light": {"subpaths": 1}},
+        "version": 2, "name": "bulb", "film": {"width": width, "height": height},
+        "integrator": {"light": {"subpaths": 1}},
         "sampling": {"samples_per_pass": 1, "samples_per_block": 1},
         "camera": {"perspective": {
             "position": [0, 0, 1], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40}},
