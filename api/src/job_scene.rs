@@ -22,7 +22,7 @@ pub struct JobScene {
     pub assets: BTreeMap<String, ContentHash>,
     /// Edge of a tile in pixels.
     pub tile_size: u32,
-    /// Whether the film has a light plane, whose tile is the whole frame and comes after the others.
+    /// Whether the film has a light plane, whose tiles come after the others.
     #[serde(default)]
     pub light_plane: bool,
     /// Whether nodes have the layer `caustic`.

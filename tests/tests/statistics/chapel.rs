@@ -75,7 +75,7 @@ fn without_lead(scene: &mut TracedScene) {
     scene.tree = TriangleTree::over(&scene.triangles);
 }
 
-/// Sunlight through a window is what so many photons bring, to the precision that every bias test has to have.
+/// Sunlight through a window is what a number of photons brings, to the precision that every bias test has to have.
 #[track_caller]
 fn check_sunlight(window: &str, photons: u64) {
     let bundle = lit_screen(window, "D TT L", "auto", [0.27, 32.0, 0.8], 1);
