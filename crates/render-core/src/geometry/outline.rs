@@ -321,6 +321,12 @@ impl<'a> SeenOutline<'a> {
         Widened { outline: self.outline, middle, by: (1.0 + moved / inside) * (1.0 + ROUNDING) }
     }
 
+    /// Whether all places of a rectangle may be seen of it.
+    pub(crate) fn holds(&self, rect: &Rect) -> bool {
+        let Rect { min, max } = *rect;
+        [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].iter().all(|corner| self.contains(*corner))
+    }
+
     /// Whether a place may be seen of it.
     pub(crate) fn contains(&self, place: DVec2) -> bool {
         self.rect.contains(place) && self.cuts().all(|cut| cut.distance(place) >= 0.0)

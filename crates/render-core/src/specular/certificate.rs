@@ -34,7 +34,7 @@ const BEYOND: f64 = 0.1;
 const MOST_DEFECT: f64 = 0.99;
 
 /// Parts of a window that are looked at for folds.
-const MOST_LOOKS: usize = 12;
+pub(super) const MOST_LOOKS: usize = 12;
 
 /// Where the defect of a whole window is above this, so few parts hardly ever have none.
 const HOPELESS: f64 = 8.0;
@@ -50,19 +50,25 @@ pub(super) enum Certificate {
 }
 
 impl Certificate {
-    /// For a window, around all of a light; `None` where nothing is certain.
-    pub(super) fn new(window: &Window<'_>, source: &SourceBounds, counters: &mut Counters) -> Option<Self> {
+    /// For a window, around all of a light; `None` where nothing is certain. It looks for folds at so many parts of the
+    /// window, [`MOST_LOOKS`] at the most, and with 0 only for certainty of one path.
+    pub(super) fn new(
+        window: &Window<'_>,
+        source: &SourceBounds,
+        looks: usize,
+        counters: &mut Counters,
+    ) -> Option<Self> {
         let rect = window.rect();
         let region = rect.grown(BEYOND * (rect.max - rect.min).max_element());
         let whole = defect(window, source, region, counters)?;
         if whole <= MOST_DEFECT {
             return Some(Self::OnePath(region));
         }
-        if whole > HOPELESS {
+        if looks == 0 || whole > HOPELESS {
             return None;
         }
         let mut parts: ArrayVec<Rect, { MOST_LOOKS + 1 }> = rect.halves().into_iter().collect();
-        for _ in 0..MOST_LOOKS {
+        for _ in 0..looks {
             let Some(part) = parts.pop() else { return Some(Self::NoFold) };
             // Without what no light reaches the source from.
             let Some(part) = window.part(&part) else { continue };

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use glam::{DVec2, DVec3};
 
 use super::assumed_density::assumed_density;
-use super::certificate::Certificate;
+use super::certificate::{Certificate, MOST_LOOKS};
 use super::effort::{Effort, SETTLED};
 use super::second_panes::SecondPanes;
 use super::side::{PaneSide, Transmission};
@@ -103,7 +103,7 @@ fn aperture<'a>(
             let window = Window::new(&side, origin, &bounds)?;
             let outline = *window.outline();
             if effort.is_beside_search
-                && let Some(certificate) = Certificate::new(&window, &bounds, counters)
+                && let Some(certificate) = better_searched(&window, &bounds, counters)
             {
                 let aperture = PaneAperture { pane: pane_index, side, origin, outline, assumed };
                 return Some((aperture, Extent::Searched(window, certificate)));
@@ -121,6 +121,20 @@ fn aperture<'a>(
             ))
         }
     }
+}
+
+/// What is certain of the paths in a window where a search has less noise than rays.
+///
+/// A search sees one point of the light. That is all or nothing where the outline cuts the window, and the light may
+/// come by paths of other weights from its other points. Rays miss the light, the more often the larger the window is.
+fn better_searched(window: &Window<'_>, bounds: &SourceBounds, counters: &mut Counters) -> Option<Certificate> {
+    let [one_path, several] = SEARCHED;
+    let times = (DVec2::ONE + window.spread() / window.deflection().extent()).element_product();
+    if times < one_path || !window.outline().holds(window.rect()) {
+        return None;
+    }
+    let looks = if times < several { 0 } else { MOST_LOOKS };
+    Certificate::new(window, bounds, looks, counters)
 }
 
 /// A part of the deflection window of an aperture.
@@ -156,6 +170,11 @@ pub(super) struct LightSample {
 
 /// A pane is smaller than a light if its angular radius is less than this part of the light's.
 const COVERED: f64 = 0.7;
+
+/// A search has less noise than rays if a window is this many times as large as it would be behind flat glass: where
+/// each point of the light has one path at the most, and where it may have several. Measured behind crown and blown
+/// glass.
+const SEARCHED: [f64; 2] = [1.5, 8.0];
 
 /// Successive multiples of it, modulo 1, are the most evenly spread.
 pub(super) const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;

@@ -74,7 +74,7 @@ fn check(glass: Glass, amplitude: f64, cases: u32, seed: u32) -> Tally {
         let Some(side) = PaneSide::facing(pane, look.origin) else { continue };
         let Some(window) = Window::new(&side, look.origin, &look.bounds) else { continue };
         tally.windows += 1;
-        let Some(certificate) = Certificate::new(&window, &look.bounds, counters) else { continue };
+        let Some(certificate) = Certificate::new(&window, &look.bounds, MOST_LOOKS, counters) else { continue };
         let Certificate::OnePath(held) = certificate else {
             tally.without_fold += 1;
             check_determinants(&look, &window, &mut random);
