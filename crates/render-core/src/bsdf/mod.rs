@@ -71,6 +71,11 @@ pub trait MaterialSettings {
         self.is_delta()
     }
 
+    /// Whether light goes straight through it ([`Bsdf::as_straight`]).
+    fn is_straight(&self) -> bool {
+        false
+    }
+
     /// Whether it may send light into single directions as glass or water does. Then images have the layer `caustic`.
     fn makes_caustics(&self) -> bool {
         false

@@ -80,6 +80,10 @@ impl MaterialSettings for ThinWallMaterial {
         false
     }
 
+    fn is_straight(&self) -> bool {
+        true
+    }
+
     fn textures(&self) -> Vec<TextureUse<'_>> {
         let tint = textures(&[("tint", &self.tint)]);
         tint.into_iter().chain(self.opacity.texture("opacity")).collect()

@@ -20,7 +20,8 @@ impl SceneDescription {
     /// may begin somewhere, and the frame is not too large for it.
     pub fn grid(&self, tile_size: u32) -> TileGrid {
         let has_glass = !(self.panes.is_empty() && self.windows.is_empty() && self.imports.is_empty());
-        let has_starts = has_glass || self.lights.iter().any(|light| !light.is_environment());
+        let has_openings = self.materials.values().any(|material| material.is_straight());
+        let has_starts = has_glass || has_openings || self.lights.iter().any(|light| !light.is_environment());
         let has_light_plane = has_starts && self.fits_light_plane() && self.has_light_subpaths();
         TileGrid::new(self.film.width, self.film.height, tile_size)
             .with_light_plane(has_light_plane)

@@ -287,9 +287,8 @@ impl<'a> PathTracer<'a> {
             let ray = Ray::new(origin.point.position, walk.ray.direction);
             let hit = LightHit { distance: walk.stretch.length + hit.distance, ..*hit };
             let light_density = self.scene.pdf_li(light, &origin.receiver, &ray, &hit) * asked;
-            let is_straight = walk.stretch.is_straight();
-            let by_light = if is_straight { origin.by_light } else { 0.0 };
-            let by_light = self.straight_by_light(light, &ray, &hit, origin.cosine, by_light);
+            let by_light =
+                self.straight_by_light(light, &walk.stretch.walls, (&ray, &hit), origin.cosine, origin.by_light);
             return carried * (origin.pdf / (origin.pdf + light_density + by_light));
         }
         let source = if hit.distance.is_finite() {
@@ -419,7 +418,7 @@ impl<'a> PathTracer<'a> {
                 walk.stretch.choices = 0.0;
                 walk.stretch.is_over_glass |= caustic::is_glass(bsdf, event);
                 if event == SpecularEvent::Transmission && bsdf.as_straight().is_some() && walk.around.is_air() {
-                    walk.stretch.pass(link, distance);
+                    walk.stretch.pass(triangle, link, distance);
                 } else {
                     walk.stretch.is_left_to_chance |= bsdf.as_delta().is_none() || is_immersed;
                     walk.stretch.push(link);

@@ -189,7 +189,12 @@ impl Scene {
         self.openings.is_some()
     }
 
-    /// The triangles that light goes straight through, if there are any.
+    /// The triangles that light goes straight through, in ascending order.
+    pub fn straight_triangles(&self) -> &[u32] {
+        self.openings.as_ref().map_or(&[], Openings::triangles)
+    }
+
+    /// The same as openings, if there are any.
     pub(super) fn openings(&self) -> Option<&Openings> {
         self.openings.as_ref()
     }

@@ -11,12 +11,12 @@ use crate::light::{Chosen, Cluster, EmissionCone, LightTree, Receiver};
 #[derive(Debug)]
 pub(super) struct Openings {
     tree: LightTree,
-    /// The triangles by their numbers in the tree.
+    /// The triangles by their numbers in the tree, in ascending order.
     triangles: Vec<u32>,
 }
 
 impl Openings {
-    /// The triangles with these numbers; `None` where there are none.
+    /// The triangles with these numbers, which ascend; `None` where there are none.
     pub(super) fn new(accelerator: &Accelerator, triangles: Vec<u32>) -> Option<Self> {
         let cluster = |triangle: &u32| {
             let [a, b, c] = *accelerator.corners(*triangle);
@@ -32,6 +32,11 @@ impl Openings {
         };
         let tree = LightTree::over(triangles.iter().map(|triangle| Some(cluster(triangle))));
         (!triangles.is_empty()).then_some(Self { tree, triangles })
+    }
+
+    /// The triangles, in ascending order.
+    pub(super) fn triangles(&self) -> &[u32] {
+        &self.triangles
     }
 
     /// A direction through an opening, drawn at random.

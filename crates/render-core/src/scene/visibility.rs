@@ -1,10 +1,11 @@
 //! What lies between two points of a scene: triangles, panes and lights.
 
 use glam::DVec3;
+use smallvec::SmallVec;
 
 use super::Scene;
 use crate::bsdf::polarisation::Polarisation;
-use crate::geometry::{Face, Hit, Ray, Surface, SurfaceId};
+use crate::geometry::{Face, Hit, MOST_PASSED, Ray, Surface, SurfaceId};
 use crate::light::{Source, SourceSample};
 use crate::scene::ShadingPoint;
 use clerestory_film::counters::Counters;
@@ -12,13 +13,23 @@ use clerestory_film::counters::Counters;
 /// Things on one ray whose distances differ by less than this part are in the same place.
 pub(crate) const SAME_PLACE: f64 = 1e-9;
 
-/// A straight way to a light, which nothing blocks.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Triangles of thin walls on a straight way, at most [`MOST_PASSED`].
+pub(crate) type Walls = SmallVec<[u32; 4]>;
+
+/// A straight way along a ray, which nothing blocks.
+#[derive(Clone, Debug, PartialEq)]
 pub struct StraightWay {
     /// The fraction of the light that the walls on it let through.
     pub transmittance: DVec3,
-    /// How many walls it goes through, at most [`MOST_PASSED`](crate::geometry::MOST_PASSED).
-    pub walls: usize,
+    /// The walls that it goes through, in the order of the ray.
+    pub(crate) walls: Walls,
+}
+
+impl StraightWay {
+    /// Through no walls.
+    pub(crate) fn clear() -> Self {
+        Self { transmittance: DVec3::ONE, walls: Walls::new() }
+    }
 }
 
 impl Scene {
@@ -50,11 +61,42 @@ impl Scene {
     ) -> Option<StraightWay> {
         if !self.has_straight_meshes() {
             let blocked = self.blocked(ray, distance, ray_origin, None, Some(light), counters);
-            return (!blocked).then_some(StraightWay { transmittance: DVec3::ONE, walls: 0 });
+            return (!blocked).then(StraightWay::clear);
         }
         if self.blocked_by_light(ray, distance, Some(light)) {
             return None;
         }
+        self.way_through_walls(ray, distance, ray_origin, counters)
+    }
+
+    /// What light along a ray meets first that is no thin wall, and its way to there; `None` where it meets nothing, or
+    /// more than [`MOST_PASSED`] walls. Lights that are no surfaces of the scene are not looked for.
+    pub fn first_behind_walls(&self, ray: &Ray, counters: &mut Counters) -> Option<(Hit, StraightWay)> {
+        let mut hit = self.accelerator().closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, counters)?;
+        if !self.has_straight_meshes() {
+            return Some((hit, StraightWay::clear()));
+        }
+        for _ in 0..MOST_PASSED {
+            let Surface::Triangle { index, .. } = hit.surface else { break };
+            if self.straight_bsdf(index).is_none() {
+                break;
+            }
+            let behind = Ray::new(ray.at(hit.distance), ray.direction);
+            let next = self.accelerator().closest_hit(&behind, f64::INFINITY, SurfaceId::Triangle(index), counters)?;
+            hit = Hit { distance: hit.distance + next.distance, ..next };
+        }
+        let way = self.way_through_walls(ray, hit.distance, SurfaceId::Nothing, counters)?;
+        Some((hit, way))
+    }
+
+    /// The way along a ray to a place at `distance`, through thin walls alone.
+    fn way_through_walls(
+        &self,
+        ray: &Ray,
+        distance: f64,
+        ray_origin: SurfaceId,
+        counters: &mut Counters,
+    ) -> Option<StraightWay> {
         let passes = |triangle| self.straight_bsdf(triangle).is_some();
         let clear = distance * (1.0 - SAME_PLACE);
         let walls = self.accelerator().passed(ray, clear, ray_origin, &passes, counters)?;
@@ -66,7 +108,7 @@ impl Scene {
             let of_wall = wall.map(|wall| wall.transmittance(&at, ray.direction, &mut polarisation));
             product * of_wall.unwrap_or(DVec3::ZERO)
         });
-        Some(StraightWay { transmittance, walls: walls.len() })
+        Some(StraightWay { transmittance, walls: walls.iter().map(|wall| wall.index).collect() })
     }
 
     /// Whether anything blocks the ray to a point of a light, at `distance`. The triangle on which that point lies does

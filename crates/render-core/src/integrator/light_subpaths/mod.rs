@@ -1,13 +1,17 @@
-//! Light subpaths: from a light through a pane into the room, as far as surfaces that scatter light into a solid angle.
+//! Light subpaths: from a light into the room, as far as surfaces that scatter light into a solid angle.
 //!
 //! What came through glass goes on bouncing. A path from the camera seldom finds the small bright patch from which that
 //! light comes; a light subpath begins there. Each camera sample has its own, and connects its vertices to it (Veach
 //! and Guibas 1994, "Bidirectional estimators for light transport"). Those of the light plane leave a splat wherever
-//! the camera sees a vertex of theirs. `starts` chooses where a light subpath begins, and `weights` how techniques that
-//! find the same path share it.
+//! the camera sees a vertex of theirs. `starts` chooses where a light subpath begins: on a face of a pane, in an
+//! opening, or on a light itself. `weights` says how techniques that find the same path share it.
 
+mod on_face;
+mod on_light;
+mod on_opening;
 mod starts;
 mod weights;
 
-pub(super) use self::starts::{PlaceOnFace, Start, Starts};
+pub(super) use self::on_face::PlaceOnFace;
+pub(super) use self::starts::{On, Start, Starts};
 pub(super) use self::weights::{Edge, FromCamera, FromLight, SUBPATHS, connection_share, splat_share};

@@ -49,7 +49,7 @@ impl PathTracer<'_> {
         let clear = distance * (1.0 - SAME_PLACE);
         let is_blocked = self.scene.blocked_by_light(ray, distance, Some(light))
             || self.scene.accelerator().closest_hit_within(ray, clear, &within, counters).is_some();
-        (!is_blocked).then_some(StraightWay { transmittance: DVec3::ONE, walls: 0 })
+        (!is_blocked).then(StraightWay::clear)
     }
 
     /// What a hit is for the media around the path.

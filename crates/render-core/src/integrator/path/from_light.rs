@@ -1,6 +1,6 @@
 //! Light subpaths of a camera sample: how one is traced, and how the camera's vertices are connected to it.
 //!
-//! A light subpath follows light from a face of a pane or from a lamp. It keeps a vertex wherever light is scattered
+//! A light subpath follows light from a face of a pane, from an opening or from a lamp. It keeps a vertex wherever light is scattered
 //! into a solid angle. It ends at whatever light subpaths do not go through: bodies of glass, mirrors, thin walls,
 //! places where bodies meet, and lights. Each vertex knows what there is to know of the path from there to the light.
 //! So one sum over all pairs of vertices is left. Directions are drawn as the camera draws them, and the BSDF is that
@@ -19,7 +19,7 @@ use crate::bsdf::polarisation::Polarisation;
 use crate::bsdf::{SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent};
 use crate::geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceId};
-use crate::integrator::light_subpaths::{Edge, FromCamera, FromLight, PlaceOnFace, SUBPATHS, Start, connection_share};
+use crate::integrator::light_subpaths::{Edge, FromCamera, FromLight, On, PlaceOnFace, SUBPATHS, connection_share};
 use crate::light::{LightHit, Receiver, Side};
 use crate::math::absorption;
 use crate::scene::ShadingPoint;
@@ -37,9 +37,6 @@ impl PathTracer<'_> {
 
     pub(super) fn one_subpath(&self, stream: &mut SampleStream, counters: &mut Counters) -> Option<OneSubpath<'_>> {
         let start = self.starts?.sample(self.scene, stream, counters)?;
-        if self.leaves_methods && start.on.is_none() {
-            return None;
-        }
         let mut walk = Walk {
             ray: start.ray,
             ray_origin: SurfaceId::Nothing,
@@ -52,55 +49,71 @@ impl PathTracer<'_> {
             filter: None,
             depth: 0,
         };
-        if let Some(PlaceOnFace { pane, face, point, gradient, .. }) = start.on {
-            let boundary = PaneBoundary::Face(face);
-            let met = PaneHit { distance: 0.0, point, boundary, gradient, inside: false };
-            let hit = Hit { distance: 0.0, surface: Surface::Pane { index: pane, hit: met } };
-            walk.depth = 1;
-            if !self.glass(&mut walk, pane, &hit, stream) {
-                return None;
+        let mut first = None;
+        let events = match &start.on {
+            On::Face(PlaceOnFace { pane, face, point, gradient, .. }) => {
+                let boundary = PaneBoundary::Face(*face);
+                let met = PaneHit { distance: 0.0, point: *point, boundary, gradient: *gradient, inside: false };
+                let hit = Hit { distance: 0.0, surface: Surface::Pane { index: *pane, hit: met } };
+                walk.depth = 1;
+                if !self.glass(&mut walk, *pane, &hit, stream) {
+                    return None;
+                }
+                walk.stretch.links.iter().map(|link| PathEvent::from(link.event)).collect()
             }
-        }
+            On::Straight { hit, way, .. } => {
+                // At panes begin other light subpaths.
+                let is_pane = matches!(hit.surface, Surface::Pane { .. });
+                let is_left = self.leaves_methods || is_pane;
+                if is_left || self.scene.blocked_by_light(&walk.ray, hit.distance, Some(start.light)) {
+                    return None;
+                }
+                walk.throughput = way.transmittance;
+                walk.depth = way.walls.len() as u32;
+                first = Some(*hit);
+                vec![PathEvent::Transmission; way.walls.len()]
+            }
+        };
         let mut subpath = OneSubpath {
             links: ArrayVec::new(),
             density: 0.0,
             choices: 0.0,
             vertices: Vec::new(),
-            events: walk.stretch.links.iter().map(|link| PathEvent::from(link.event)).collect(),
+            events,
             found: Default::default(),
             start,
         };
-        while walk.depth < self.max_depth && self.goes_on(&mut walk, &mut subpath, stream, counters) {}
+        while walk.depth < self.max_depth {
+            let Some(hit) = first.take().or_else(|| self.next_hit(&walk, counters)) else { break };
+            if !self.meets(&mut walk, &mut subpath, &hit, stream) {
+                break;
+            }
+        }
         (!subpath.vertices.is_empty()).then_some(subpath)
     }
 
-    /// Takes a light subpath to what it meets next; false when it ends.
-    fn goes_on<'s>(
+    /// What a light subpath meets next; `None` if that is nothing, or a light.
+    fn next_hit(&self, walk: &Walk, counters: &mut Counters) -> Option<Hit> {
+        let hit = self.closest_hit(walk, counters)?;
+        let meets_light = walk.inside.is_none() && self.nearest_light(walk, hit.distance).is_some();
+        (!meets_light).then_some(hit)
+    }
+
+    /// Takes a light subpath to what it has met; false when it ends.
+    fn meets<'s>(
         &'s self,
         walk: &mut Walk,
         subpath: &mut OneSubpath<'s>,
+        hit: &Hit,
         stream: &mut SampleStream,
-        counters: &mut Counters,
     ) -> bool {
-        let Some(hit) = self.closest_hit(walk, counters) else { return false };
-        let begins = subpath.start.on.is_none() && subpath.events.is_empty();
-        let meets_light = if begins {
-            self.scene.blocked_by_light(&walk.ray, hit.distance, Some(subpath.start.light))
-        } else {
-            walk.inside.is_none() && self.nearest_light(walk, hit.distance).is_some()
-        };
-        if meets_light {
-            return false;
-        }
-        if !matches!(self.meeting(walk, &hit), Meeting::Plain) {
+        if !matches!(self.meeting(walk, hit), Meeting::Plain) {
             return false;
         }
         walk.depth += 1;
         match hit.surface {
-            // At panes begin other light subpaths.
-            Surface::Pane { .. } if begins => false,
             Surface::Pane { index, .. } => {
-                let goes_on = self.glass(walk, index, &hit, stream) && walk.stretch.is_open();
+                let goes_on = self.glass(walk, index, hit, stream) && walk.stretch.is_open();
                 subpath.events.extend(walk.stretch.links.last().map(|link| PathEvent::from(link.event)));
                 goes_on && self.survives(walk, stream)
             }
@@ -217,7 +230,7 @@ impl PathTracer<'_> {
         if by_light == 0.0 {
             return 1.0;
         }
-        let start = starts.density(self.scene, light, Some(path.surface), &path.exit, &path.hit);
+        let start = starts.density(self.scene, light, path.surface, &path.exit, &path.hit);
         let others = start * path.transmitted * lobe.cosine(arrival.direction) * by_light;
         let found = path.density * asked;
         if others == 0.0 { 1.0 } else { found / (found + others) }
@@ -230,22 +243,22 @@ impl PathTracer<'_> {
             return 1.0;
         }
         // Both densities have the factor of what was chosen at the links.
-        let start = starts.density(self.scene, light, Some(last.surface), &walk.ray, hit);
+        let start = starts.density(self.scene, light, last.surface, &walk.ray, hit);
         origin.pdf / (origin.pdf + start * origin.cosine * origin.by_light)
     }
 
-    /// What light subpaths find of a path that goes straight to a light, of which a camera's vertex has found the ray:
-    /// the cosine there, and what they find up to it.
+    /// What light subpaths find of a path that goes straight to a light, through thin walls at the most, of which a
+    /// camera's vertex has found the ray: the cosine there, and what they find up to it.
     pub(super) fn straight_by_light(
         &self,
         light: u32,
-        to_light: &Ray,
-        hit: &LightHit,
+        walls: &[u32],
+        (to_light, hit): (&Ray, &LightHit),
         cosine: f64,
         by_light: f64,
     ) -> f64 {
         let Some(starts) = self.starts.filter(|_| by_light > 0.0 && !self.leaves_methods) else { return 0.0 };
-        starts.density(self.scene, light, None, to_light, hit) * cosine * by_light
+        starts.straight_density(self.scene, light, walls, to_light, hit) * cosine * by_light
     }
 
     /// Light that a vertex receives from those of light subpaths, over the scale of its BSDF.
@@ -361,8 +374,13 @@ impl PathTracer<'_> {
     ) -> FoundBy {
         let first = &subpath.vertices[0];
         let normal = first.at.normals.facing(-towards_camera);
-        let Some(PlaceOnFace { sample, .. }) = subpath.start.on else {
-            return *subpath.found[0].get_or_init(|| FoundBy::Straight(self.asked_density(subpath, normal)));
+        let sample = match &subpath.start.on {
+            On::Face(PlaceOnFace { sample, .. }) => *sample,
+            On::Straight { behind, .. } => {
+                let found =
+                    subpath.found[0].get_or_init(|| FoundBy::Straight(self.asked_density(subpath, *behind, normal)));
+                return *found;
+            }
         };
         let gathers_behind = first.bsdf.gathers_behind();
         // A point is met by no path.
@@ -375,9 +393,9 @@ impl PathTracer<'_> {
         let surface = SurfaceId::Triangle(first.triangle);
         let point = ShadingPoint { position: first.position, normal, surface, bounces };
         *subpath.found[bounces.min(2) as usize].get_or_init(|| {
-            let Start { light, ray, .. } = &subpath.start;
+            let (light, ray) = (subpath.start.light, &subpath.start.ray);
             let path = SpecularPath {
-                light: *light,
+                light,
                 source: sample.source,
                 triangle: sample.triangle,
                 last_direction: -ray.direction,
@@ -385,13 +403,14 @@ impl PathTracer<'_> {
             };
             let Some(point) = self.owner(point, gathers_behind, &path, counters) else { return by_chance };
             let density = self.method.and_then(|method| method.density(self.scene, &point, &path, counters));
-            let asked = self.scene.light_sampler().probability(*light, &Receiver::anywhere(first.position));
+            let asked = self.scene.light_sampler().probability(light, &Receiver::anywhere(first.position));
             density.map_or(FoundBy::MethodAlone, |density| FoundBy::Method(density * asked))
         })
     }
 
-    /// Density with which next event estimation finds the light at the first vertex of a subpath that begins on it.
-    pub(super) fn asked_density(&self, subpath: &OneSubpath<'_>, normal: DVec3) -> f64 {
+    /// Density with which next event estimation finds the light at the first vertex of a subpath that comes straight
+    /// from it, which is so far behind the subpath's beginning.
+    pub(super) fn asked_density(&self, subpath: &OneSubpath<'_>, behind: f64, normal: DVec3) -> f64 {
         let first = &subpath.vertices[0];
         let side = if first.bsdf.transmits() { Side::Both(normal) } else { Side::Front(normal) };
         let receiver = Receiver { position: first.position, side };
@@ -403,7 +422,7 @@ impl PathTracer<'_> {
             return asked * squared;
         }
         let to_light = Ray::new(first.position, -first.incident);
-        let hit = LightHit { distance: squared.sqrt(), radiance: DVec3::ZERO, triangle: None };
+        let hit = LightHit { distance: squared.sqrt() + behind, radiance: DVec3::ZERO, triangle: None };
         asked * self.scene.pdf_li(light, &receiver, &to_light, &hit)
     }
 

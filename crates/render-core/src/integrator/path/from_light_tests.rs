@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::tests::{EDGE, prepared, sums_of};
-use super::weight_tests::room;
+use super::weight_tests::{glazed_room, room};
 use crate::integrator::allocation::{Allocation, Sharing};
 use crate::scene::Assets;
 
@@ -16,16 +16,18 @@ const SAMPLES: u32 = 16;
 /// Light that a surface has scattered, or several have.
 const PATHS: &str = "D+ (R|T)* L";
 
-/// The room, lit by one light.
-fn lit_by(light: &Value, panes: usize, integrator: &str, seed: u64) -> Value {
-    let mut scene = room(&json!([light]), panes);
+/// The room, as an integrator sees it.
+fn seen_by(room: &Value, integrator: &str, seed: u64) -> Value {
+    let mut scene = room.clone();
     scene["film"] = json!({"width": EDGE, "height": EDGE});
     scene["sampling"] = json!({"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES});
     scene["integrator"] = match integrator {
         "light" => json!({"light": {"max_depth": 12, "subpaths": 8}}),
         _ => json!({integrator: {"max_depth": 12}}),
     };
-    scene["path_filter"] = json!(PATHS);
+    if scene.get("path_filter").is_none() {
+        scene["path_filter"] = json!(PATHS);
+    }
     scene["seed"] = json!(seed);
     scene
 }
@@ -40,13 +42,13 @@ struct Seen {
     noise: f64,
 }
 
-fn see(light: &Value, panes: usize, integrator: &str) -> Seen {
-    see_with(light, panes, integrator, Allocation::USUAL)
+fn see(room: &Value, integrator: &str) -> Seen {
+    see_with(room, integrator, Allocation::USUAL)
 }
 
-fn see_with(light: &Value, panes: usize, integrator: &str, allocation: Allocation) -> Seen {
+fn see_with(room: &Value, integrator: &str, allocation: Allocation) -> Seen {
     let picture = |seed| {
-        let scene = prepared(&lit_by(light, panes, integrator, seed), &Assets::new());
+        let scene = prepared(&seen_by(room, integrator, seed), &Assets::new());
         // Whatever a pilot would choose.
         scene.kept_allocation().get_or_init(|| allocation);
         sums_of(&scene)
@@ -71,13 +73,14 @@ fn see_with(light: &Value, panes: usize, integrator: &str, allocation: Allocatio
 /// Compares the means, and the noise, over which light subpaths have to be better by a factor.
 #[track_caller]
 fn check(light: &Value, panes: usize, gain: f64) {
-    let expected = see(light, panes, "cone");
-    compare(light, panes, &expected, "auto", gain);
+    let room = room(&json!([light]), panes);
+    compare(&room, &see(&room, "cone"), "auto", gain);
 }
 
 #[track_caller]
-fn compare(light: &Value, panes: usize, expected: &Seen, integrator: &str, gain: f64) {
-    compare_seen(&see(light, panes, integrator), expected, &format!("{integrator}: {panes} panes, {light}"), gain);
+fn compare(room: &Value, expected: &Seen, integrator: &str, gain: f64) {
+    let what = format!("{integrator}: {} panes, {}", room["panes"].as_array().map_or(0, Vec::len), room["lights"]);
+    compare_seen(&see(room, integrator), expected, &what, gain);
 }
 
 #[track_caller]
@@ -118,7 +121,8 @@ fn light_through_panes_lights_a_room_alike() {
     // Most of it comes past the pane.
     check(&sky, 1, 0.8);
     let by_chance = Allocation { splats: 1, is_connected: false, sharing: Sharing::Chance };
-    let [found, expected] = [see_with(&lamp, 1, "auto", by_chance), see(&lamp, 1, "cone")];
+    let behind_glass = room(&json!([lamp]), 1);
+    let [found, expected] = [see_with(&behind_glass, "auto", by_chance), see(&behind_glass, "cone")];
     compare_seen(&found, &expected, "light left to chance", 0.0);
 }
 
@@ -132,7 +136,22 @@ fn light_that_is_traced_forward_alone_lights_a_room_alike() {
         "name": "spot", "position": [4, -1, 2], "direction": [-1, 0.3, -0.25], "intensity": [9, 9, 9],
         "inner_angle": 4, "outer_angle": 16}});
     for (light, panes, integrator) in [(bulb, 0, "cone"), (sun, 1, "cone"), (spark, 1, "fnee"), (spot, 1, "fnee")] {
-        let expected = see(&light, panes, integrator);
-        compare(&light, panes, &expected, "light", 0.0);
+        let room = room(&json!([light]), panes);
+        compare(&room, &see(&room, integrator), "light", 0.0);
+    }
+}
+
+#[test]
+fn light_straight_through_thin_walls_lights_a_room_alike() {
+    let sun = json!({"sun": {"name": "sun", "direction": [1, -0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
+    let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.3, "radiance": [9, 9, 9]}});
+    let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}});
+    for (light, gain) in [(sun, 1.2), (lamp, 1.2), (sky, 0.8)] {
+        let mut room = glazed_room(&json!([light]));
+        // Light subpaths know no light that walls mirror.
+        room["path_filter"] = json!("D+ T* L");
+        let expected = see(&room, "path");
+        compare(&room, &expected, "auto", gain);
+        compare(&room, &expected, "light", 0.0);
     }
 }

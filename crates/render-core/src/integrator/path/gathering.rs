@@ -85,16 +85,16 @@ impl PathTracer<'_> {
             } else {
                 self.straight_way_among_bodies(&ray, sample.distance, point.surface, around, index, counters)
             };
-            let Some(way) = way.filter(|way| self.fits(walk, way.walls)) else { continue };
+            let Some(way) = way.filter(|way| self.fits(walk, way.walls.len())) else { continue };
             let (found, by_chance) = match sample.pdf {
                 Some(pdf) => (pdf * probability, lobe.pdf(sample.direction)),
                 // As if the point had an area that is drawn with certainty.
                 None => (sample.distance * sample.distance * probability, 0.0),
             };
-            let by_light = if way.walls == 0 { lobe.by_light(sample.direction) } else { 0.0 };
+            let by_light = lobe.by_light(sample.direction);
             let hit = LightHit { distance: sample.distance, radiance: DVec3::ZERO, triangle: None };
             let cosine = lobe.cosine(sample.direction);
-            let by_light = self.straight_by_light(index, &ray, &hit, cosine, by_light);
+            let by_light = self.straight_by_light(index, &way.walls, (&ray, &hit), cosine, by_light);
             let balance = found / (found + by_chance + by_light);
             let kept = lobe.kept(sample.direction, sample.distance);
             sum += way.transmittance * kept * sample.weight * (value * balance) / probability;

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::bsdf::{Bsdf, SurfacePoint};
 use crate::document::PathEvent;
-use crate::integrator::light_subpaths::{FromLight, SUBPATHS, Start};
+use crate::integrator::light_subpaths::{FromLight, On, SUBPATHS, Start};
 use crate::specular::Link;
 use crate::specular::scope::MOST_SPECULAR_VERTICES;
 
@@ -35,7 +35,7 @@ impl OneSubpath<'_> {
     /// Whether its light is caustic. A light subpath goes over no other glass before its first vertex than the pane on
     /// which it begins, and over panes behind that.
     pub(super) fn is_caustic(&self) -> bool {
-        self.start.on.is_some()
+        matches!(self.start.on, On::Face(_))
     }
 }
 

@@ -5,6 +5,7 @@ use arrayvec::ArrayVec;
 use crate::geometry::MOST_PASSED;
 use crate::light::Receiver;
 use crate::scene::ShadingPoint;
+use crate::scene::visibility::Walls;
 use crate::specular::Link;
 use crate::specular::scope::MOST_SPECULAR_VERTICES;
 
@@ -13,8 +14,8 @@ use crate::specular::scope::MOST_SPECULAR_VERTICES;
 pub(super) struct Stretch {
     /// The diffuse vertex; `None` before the first.
     pub(super) from: Option<Origin>,
-    /// How many walls it has gone straight through since then, before any other specular vertex.
-    pub(super) walls: usize,
+    /// The walls that it has gone straight through since then, before any other specular vertex.
+    pub(super) walls: Walls,
     /// How far it is to the last of them, metres.
     pub(super) length: f64,
     /// The specular vertices since then, but for those walls.
@@ -34,7 +35,7 @@ impl Stretch {
     pub(super) fn new(from: Option<Origin>) -> Self {
         Self {
             from,
-            walls: 0,
+            walls: Walls::new(),
             length: 0.0,
             links: ArrayVec::new(),
             is_left_to_chance: false,
@@ -45,7 +46,7 @@ impl Stretch {
     }
 
     pub(super) fn push(&mut self, link: Link) {
-        let does_not_fit = self.walls > 0 || self.links.try_push(link).is_err();
+        let does_not_fit = !self.walls.is_empty() || self.links.try_push(link).is_err();
         if does_not_fit {
             self.is_left_to_chance = true;
             self.choices = 0.0;
@@ -68,10 +69,10 @@ impl Stretch {
     }
 
     /// Goes straight through a wall, `distance` behind the last vertex. No method searches it.
-    pub(super) fn pass(&mut self, wall: Link, distance: f64) {
+    pub(super) fn pass(&mut self, triangle: u32, wall: Link, distance: f64) {
         self.choices = 0.0;
-        if self.links.is_empty() && self.walls < MOST_PASSED {
-            self.walls += 1;
+        if self.links.is_empty() && self.walls.len() < MOST_PASSED {
+            self.walls.push(triangle);
             self.length += distance;
         } else {
             self.push(wall);

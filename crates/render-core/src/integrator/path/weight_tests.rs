@@ -8,7 +8,7 @@ use super::light_vertex::{LightVertex, OneSubpath};
 use super::*;
 use crate::bsdf::{Bsdf, SurfacePoint};
 use crate::document::{SceneBundle, SceneDescription};
-use crate::integrator::light_subpaths::{Edge, FromLight, PlaceOnFace, connection_share, splat_share};
+use crate::integrator::light_subpaths::{Edge, FromLight, On, PlaceOnFace, connection_share, splat_share};
 use crate::scene::media::Bodies;
 use crate::specular::{Arrival, SampledPath};
 use clerestory_film::SamplerSettings;
@@ -43,6 +43,23 @@ pub(super) fn room(lights: &Value, panes: usize) -> Value {
         ],
         "panes": (0..panes).map(pane).collect::<Vec<_>>(), "lights": lights
     })
+}
+
+/// The same room with sheets of window glass over its open sides, two over one of them.
+pub(super) fn glazed_room(lights: &Value) -> Value {
+    let mut scene = room(lights, 0);
+    scene["materials"]["sheet"] = json!({"thin_wall": {"tint": {"colour": [0.8, 0.9, 1]}}});
+    let corners = [
+        [[2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [2.0, 2.0, 3.0], [2.0, -2.0, 3.0]],
+        [[2.1, -2.1, -0.1], [2.1, 2.1, -0.1], [2.1, 2.1, 3.1], [2.1, -2.1, 3.1]],
+        [[-2.0, 2.0, 0.0], [2.0, 2.0, 0.0], [2.0, 2.0, 3.0], [-2.0, 2.0, 3.0]],
+    ];
+    let sheets = corners.iter().enumerate().map(|(number, corners)| {
+        let source = json!({"inline": {"positions": corners, "triangles": [[0, 1, 2], [0, 2, 3]]}});
+        json!({"name": format!("sheet {number}"), "material": "sheet", "source": source})
+    });
+    scene["meshes"].as_array_mut().unwrap().extend(sheets);
+    scene
 }
 
 fn prepared(scene: &Value) -> PreparedScene {
@@ -164,9 +181,12 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
         by_light: by_light[last].total(|| of_light),
     };
     let to_light = Ray::new(start.ray.origin, -start.ray.direction);
-    let of_end = if let Some(PlaceOnFace { pane, face, sample, distance, .. }) = start.on {
-        let hit = if source.is_delta() {
-            LightHit { distance, radiance: DVec3::ONE, triangle: None }
+    let of_end = if let On::Face(PlaceOnFace { pane, face, sample, .. }) = &start.on {
+        let (pane, face) = (*pane, *face);
+        let hit = if let Source::Point(position) = sample.source
+            && source.is_delta()
+        {
+            LightHit { distance: position.distance(start.ray.origin), radiance: DVec3::ONE, triangle: None }
         } else {
             source.intersect(&to_light)?
         };
@@ -214,13 +234,15 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
             links.iter().for_each(|link| walk.stretch.push(*link));
             tracer.share_of_chance(&origin, &walk, light, &hit)
         }
-    } else {
-        let distance = start.ray.origin.distance(end.position);
+    } else if let On::Straight { way, behind, .. } = &start.on {
+        let distance = start.ray.origin.distance(end.position) + behind;
         let hit = LightHit { distance, radiance: DVec3::ZERO, triangle: None };
         let ray = Ray::new(end.position, end.towards[1]);
         let by_chance = if source.is_delta() { 0.0 } else { of_camera };
-        let found = tracer.asked_density(subpath, normal) + by_chance;
-        found / (found + tracer.straight_by_light(light, &ray, &hit, origin.cosine, origin.by_light))
+        let found = tracer.asked_density(subpath, *behind, normal) + by_chance;
+        found / (found + tracer.straight_by_light(light, &way.walls, (&ray, &hit), origin.cosine, origin.by_light))
+    } else {
+        return None;
     };
     shares.push(of_end);
     Some(shares)
@@ -284,6 +306,20 @@ fn shares_of_all_techniques_in_a_path_sum_to_one() {
         let techniques = &found.techniques[first..first + 3];
         assert!(techniques.iter().chain(&found.kinds).all(|count| *count > 5), "{found:?}");
         assert!(found.smallest < 0.7, "{found:?}");
+    }
+}
+
+#[test]
+fn shares_sum_to_one_of_light_straight_through_thin_walls() {
+    let sun = json!({"sun": {"name": "sun", "direction": [1, -0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
+    let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.3, "radiance": [9, 9, 9]}});
+    let spark = json!({"point": {"name": "spark", "position": [4, 0.5, 1], "intensity": [1, 1, 1]}});
+    let sky = json!({"environment": {"name": "sky", "radiance": {"colour": [1, 1, 1]}}});
+    for lights in [json!([sun]), json!([sky]), json!([lamp, spark]), json!([sun, lamp, spark, sky])] {
+        for has_light_plane in [false, true] {
+            let found = check(&glazed_room(&lights), 0, has_light_plane, Allocation::USUAL);
+            assert!(found.kinds[0] > 200 && found.smallest < 0.7, "{found:?}");
+        }
     }
 }
 
