@@ -7,8 +7,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+use clerestory_film::NodeAddress;
 use clerestory_film::counters::Counters;
-use clerestory_film::{NodeAddress, TileGrid};
 use clerestory_render_core::document::{SamplingDescription, SceneDescription};
 use clerestory_render_core::document::{SceneBundle, load};
 use clerestory_render_core::integrator::PreparedScene;
@@ -237,7 +237,8 @@ impl Comparison {
     ///
     /// When the renderer fails on a scene of the repository.
     pub fn picture(&self, samples: u32, seed: u64) -> Image {
-        seeded_picture(&self.bundle, samples, seed, &|_| 1).0
+        let scene = PreparedScene::build(&seeded(&self.bundle, samples, seed)).expect("the scene can be built");
+        picture(&scene, &|_| 1).0
     }
 
     /// Renders [`REPLICATES`] pictures with different seeds from `first_seed` on. `passes` has the passes of each tile
@@ -269,32 +270,27 @@ pub fn pictures(
     passes: &(dyn Fn(usize) -> u32 + Sync),
 ) -> (Vec<Image>, Counters) {
     let mut counters = Counters::default();
-    let images = (first_seed..first_seed + REPLICATES)
-        .map(|seed| {
-            let (image, work) = seeded_picture(bundle, samples, seed, passes);
-            counters += work;
-            image
-        })
-        .collect();
+    let mut images = Vec::new();
+    let mut scene = PreparedScene::build(&seeded(bundle, samples, first_seed)).expect("the scene can be built");
+    for seed in first_seed..first_seed + REPLICATES {
+        scene = scene.changed(&seeded(bundle, samples, seed)).expect("another seed is valid");
+        let (image, work) = picture(&scene, passes);
+        counters += work;
+        images.push(image);
+    }
     (images, counters)
 }
 
-fn seeded_picture(
-    bundle: &SceneBundle,
-    samples: u32,
-    seed: u64,
-    passes: &(dyn Fn(usize) -> u32 + Sync),
-) -> (Image, Counters) {
+fn seeded(bundle: &SceneBundle, samples: u32, seed: u64) -> SceneBundle {
     let mut description = bundle.description().clone().with_seed(seed);
     description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
-    let bundle = bundle.clone().with_description(description).expect("another seed is valid");
-    picture(&PreparedScene::build(&bundle).expect("the scene can be built"), passes)
+    bundle.clone().with_description(description).expect("another seed is valid")
 }
 
-/// The mean of `passes` passes in each tile.
+/// The mean of `passes` passes in each tile, those of the light plane among them.
 fn picture(scene: &PreparedScene, passes: &(dyn Fn(usize) -> u32 + Sync)) -> (Image, Counters) {
     let film = scene.description().film;
-    let grid = TileGrid::new(film.width, film.height, TILE as u32);
+    let grid = scene.description().grid(TILE as u32);
     let tiles: Vec<(Vec<DVec3>, Counters)> = (0..grid.len())
         .into_par_iter()
         .map(|tile| {
@@ -322,7 +318,9 @@ fn picture(scene: &PreparedScene, passes: &(dyn Fn(usize) -> u32 + Sync)) -> (Im
         let tile = grid.tile(index).expect("a tile of the grid");
         for (row, values) in pixels.chunks(tile.width as usize).enumerate() {
             let start = (tile.y as usize + row) * width + tile.x as usize;
-            image.pixels[start..start + values.len()].copy_from_slice(values);
+            for (pixel, value) in image.pixels[start..start + values.len()].iter_mut().zip(values) {
+                *pixel += *value;
+            }
         }
         counters += work;
     }

@@ -16,7 +16,7 @@ pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms
 /// When there is no such integrator.
 pub fn settings(name: &str) -> Value {
     match name {
-        "path" | "cone" | "fnee" | "sms" | "mnee" => json!({name: {}}),
+        "path" | "cone" | "fnee" | "sms" | "mnee" | "auto" | "light" => json!({name: {}}),
         // Enough that tests do not notice the cut behind the glass where they compare all light.
         "fnee, published" => json!({"fnee": {"solver": "published", "max_trials": 20_000}}),
         "sms, published" => json!({"sms": {"steps": "published"}}),
@@ -57,7 +57,7 @@ pub fn selections() -> Vec<(&'static str, Value)> {
 
 /// Whether an integrator sees lights as they are, and not as one point of each that it draws.
 pub fn looks_at_whole_lights(name: &str) -> bool {
-    ["path", "cone", "fnee"].contains(&name)
+    ["path", "cone", "fnee", "auto", "light"].contains(&name)
 }
 
 /// Specular manifold sampling of all distinct paths that `walks` walks find.

@@ -3,6 +3,7 @@
 
 mod auto;
 mod bias;
+mod both_ends;
 mod chapel;
 mod connections;
 mod environments;
