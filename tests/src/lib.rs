@@ -60,6 +60,7 @@ pub mod hand_worker;
 mod known_paths;
 pub mod large_frame;
 pub mod load_page;
+pub mod luxcore;
 pub mod made_images;
 pub mod malformed_calls;
 pub mod malformed_partials;
