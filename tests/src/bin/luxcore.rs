@@ -1,5 +1,5 @@
-//! The noise of `auto` and of `light` beside LuxCore's engines, in the same core time, on scenes that `clerestory export`
-//! wrote. Prints a line for each, and how `auto` compares with the best of the others.
+//! The noise of `auto` and of `light` beside LuxCore's engines, in the same core time, on scenes that `clerestory
+//! export` wrote. Prints a line for each, and how `auto` compares with the best of the others.
 //!
 //! ```text
 //! tests/run luxcore

@@ -9,9 +9,10 @@
 mod on_face;
 mod on_light;
 mod on_opening;
+mod start;
 mod starts;
 mod weights;
 
-pub(super) use self::on_face::PlaceOnFace;
-pub(super) use self::starts::{On, Start, Starts};
+pub(super) use self::start::{On, PlaceOnFace, Start};
+pub(super) use self::starts::Starts;
 pub(super) use self::weights::{Edge, FromCamera, FromLight, SUBPATHS, connection_share, splat_share};

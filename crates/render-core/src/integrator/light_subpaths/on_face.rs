@@ -15,28 +15,13 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use glam::{DVec2, DVec3};
 
-use super::starts::{LOOKS, On, Start};
+use super::start::{LOOKS, On, PlaceOnFace, Start};
 use crate::geometry::{Face, Ray, SurfaceId};
-use crate::light::{LightHit, Source, SourceSample};
+use crate::light::{LightHit, Source};
 use crate::scene::Scene;
 
 /// The faces of a pane, as they are numbered.
 pub(super) const FACES: [Face; 2] = [Face::Front, Face::Back];
-
-/// A place of a face to which light comes.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::integrator) struct PlaceOnFace {
-    /// Index of the pane.
-    pub(in crate::integrator) pane: u32,
-    /// Its face.
-    pub(in crate::integrator) face: Face,
-    /// The place, in the pane's frame.
-    pub(in crate::integrator) point: DVec3,
-    /// Gradient of the face there.
-    pub(in crate::integrator) gradient: DVec2,
-    /// The point of the light.
-    pub(in crate::integrator) sample: SourceSample,
-}
 
 /// About the light that a light brings to a face of a pane, W.
 pub(super) fn brought(scene: &Scene, light: u32, (pane, face): (u32, Face)) -> f64 {

@@ -3,7 +3,7 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 
-use super::starts::{On, Start};
+use super::start::{On, Start};
 use crate::geometry::{Ray, SurfaceId};
 use crate::scene::Scene;
 

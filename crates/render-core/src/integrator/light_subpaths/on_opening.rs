@@ -8,7 +8,7 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use glam::{DVec2, DVec3};
 
-use super::starts::LOOKS;
+use super::start::LOOKS;
 use crate::geometry::{Hit, Ray};
 use crate::light::{LightHit, Source};
 use crate::scene::Scene;

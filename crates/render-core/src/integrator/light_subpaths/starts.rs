@@ -9,15 +9,12 @@ use clerestory_film::counters::Counters;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::on_face::{self, FACES, PlaceOnFace};
+use super::on_face::{self, FACES};
+use super::start::{On, Start};
 use super::{on_light, on_opening};
-use crate::geometry::{Face, Hit, Ray, SurfaceId};
+use crate::geometry::{Face, Ray, SurfaceId};
 use crate::light::LightHit;
 use crate::scene::Scene;
-use crate::scene::visibility::StraightWay;
-
-/// Points of a light at which it is looked what that brings to a face or an opening.
-pub(super) const LOOKS: u32 = 8;
 
 /// The part of all starts on faces, and of all others, that is spread over them alike, whatever the looks have found.
 const EVENLY: f64 = 0.1;
@@ -33,37 +30,6 @@ pub(in crate::integrator) struct Starts {
     firsts: Vec<usize>,
     /// Of all panes.
     faces: usize,
-}
-
-/// The start of a light subpath.
-#[derive(Clone, Debug)]
-pub(in crate::integrator) struct Start {
-    /// Index of the light.
-    pub(in crate::integrator) light: u32,
-    /// Where it begins.
-    pub(in crate::integrator) on: On,
-    /// Along which light comes from there.
-    pub(in crate::integrator) ray: Ray,
-    /// Radiance over density, times the cosine there.
-    pub(in crate::integrator) weight: DVec3,
-    /// Density of the place and the direction, over that cosine.
-    pub(in crate::integrator) density: f64,
-}
-
-/// Where a light subpath begins.
-#[derive(Clone, Debug)]
-pub(in crate::integrator) enum On {
-    /// On a face of a pane.
-    Face(PlaceOnFace),
-    /// On a light, or in an opening. Light comes straight from there, through thin walls at the most.
-    Straight {
-        /// What it meets behind them.
-        hit: Hit,
-        /// The way to there.
-        way: StraightWay,
-        /// How far the light is behind the ray's beginning.
-        behind: f64,
-    },
 }
 
 impl Starts {

@@ -1,10 +1,10 @@
 //! Light subpaths of a camera sample: how one is traced, and how the camera's vertices are connected to it.
 //!
-//! A light subpath follows light from a face of a pane, from an opening or from a lamp. It keeps a vertex wherever light is scattered
-//! into a solid angle. It ends at whatever light subpaths do not go through: bodies of glass, mirrors, thin walls,
-//! places where bodies meet, and lights. Each vertex knows what there is to know of the path from there to the light.
-//! So one sum over all pairs of vertices is left. Directions are drawn as the camera draws them, and the BSDF is that
-//! of the path from the camera: shading normals make no difference.
+//! A light subpath follows light from a face of a pane, from an opening or from a lamp. It keeps a vertex wherever
+//! light is scattered into a solid angle. It ends at whatever light subpaths do not go through: bodies of glass,
+//! mirrors, thin walls, places where bodies meet, and lights. Each vertex knows what there is to know of the path from
+//! there to the light. So one sum over all pairs of vertices is left. Directions are drawn as the camera draws them,
+//! and the BSDF is that of the path from the camera: shading normals make no difference.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
