@@ -237,12 +237,14 @@ impl Accelerator {
         }
         numbers.extend((next..corners.len() as u32).map(Number::Triangle));
         numbers.extend((0..panes.len() as u32).map(Number::Pane));
-        let everything = Sorted::over(&numbers, primitive, |number| match number {
+        let bounds = |number: Number| match number {
             Number::Triangle(index) => triangle_bounds(index),
             Number::Pane(index) => panes[index as usize].world_bounds(),
             Number::Sheet(index) => sheets[index as usize].1.hierarchy.bounds(),
-        })?;
-        let pierced = pierced(&panes, &corners);
+        };
+        let (everything, pierced) =
+            rayon::join(|| Sorted::over(&numbers, primitive, bounds), || pierced(&panes, &corners));
+        let everything = everything?;
         Ok(Self { panes: panes.into(), pierced, everything, sheets, corners, coverage: None })
     }
 
