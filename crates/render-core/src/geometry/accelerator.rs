@@ -242,10 +242,13 @@ impl Accelerator {
             Number::Pane(index) => panes[index as usize].world_bounds(),
             Number::Sheet(index) => sheets[index as usize].1.hierarchy.bounds(),
         };
-        let (everything, pierced) =
-            rayon::join(|| Sorted::over(&numbers, primitive, bounds), || pierced(&panes, &corners));
-        let everything = everything?;
-        Ok(Self { panes: panes.into(), pierced, everything, sheets, corners, coverage: None })
+        let mut are_pierced = Vec::new();
+        // The hierarchy is built on this thread, whose freed memory it takes.
+        let everything = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| are_pierced = pierced(&panes, &corners));
+            Sorted::over(&numbers, primitive, bounds)
+        })?;
+        Ok(Self { panes: panes.into(), pierced: are_pierced, everything, sheets, corners, coverage: None })
     }
 
     /// The same triangles, of which only a part is there.

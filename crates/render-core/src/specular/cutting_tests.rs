@@ -271,8 +271,9 @@ fn nothing_is_spent_on_what_the_lead_covers() {
         });
         println!("{integrator}: {of_strip:?} of {of_sheet:?}");
         for (strip, sheet) in of_strip.into_iter().zip(of_sheet) {
-            // The strip is a twelfth of the sheet; light bends across its edges here and there.
-            assert!(strip * 8 <= sheet, "{integrator}: {of_strip:?} for the strip, {of_sheet:?} for the sheet");
+            // The strip is a twelfth of the sheet; light bends across its edges here and there, and windows that they
+            // cut get rays.
+            assert!(strip * 6 <= sheet, "{integrator}: {of_strip:?} for the strip, {of_sheet:?} for the sheet");
         }
     }
 }
