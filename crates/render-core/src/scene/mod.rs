@@ -25,7 +25,7 @@ mod mesh_file;
 mod mesh_format;
 mod mesh_surface;
 mod obj;
-mod openings;
+pub(crate) mod openings;
 mod paint;
 pub(crate) mod painting;
 pub(crate) mod pane_tree;

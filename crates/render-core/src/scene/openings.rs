@@ -24,7 +24,7 @@ impl Openings {
             Cluster {
                 min,
                 max,
-                power: area([a, b, c]),
+                power: area(&[a, b, c]),
                 cone: EmissionCone::EVERYWHERE,
                 radius: 0.5 * (max - min).length(),
                 can_be_met: true,
@@ -48,9 +48,7 @@ impl Openings {
         random: DVec2,
     ) -> Option<DVec3> {
         let Chosen { light: opening, .. } = self.tree.choose(receiver, choice)?;
-        let [a, b, c] = *accelerator.corners(self.triangles[opening as usize]);
-        let root = random.x.sqrt();
-        let place = a * (1.0 - root) + b * (root * (1.0 - random.y)) + c * (root * random.y);
+        let place = place(accelerator.corners(self.triangles[opening as usize]), random);
         (place - receiver.position).try_normalize()
     }
 
@@ -61,8 +59,7 @@ impl Openings {
         self.tree.on_ray(&ray, f64::INFINITY, &mut |opening| {
             let triangle = self.triangles[opening as usize];
             if let Some(distance) = accelerator.distance_to_triangle(&ray, triangle) {
-                let [a, b, c] = *accelerator.corners(triangle);
-                let seen = 0.5 * (b - a).cross(c - a).dot(direction).abs();
+                let seen = seen_area(accelerator.corners(triangle), direction);
                 if seen > 0.0 {
                     sum += self.tree.probability(opening, receiver) * distance * distance / seen;
                 }
@@ -73,6 +70,18 @@ impl Openings {
     }
 }
 
-fn area([a, b, c]: [DVec3; 3]) -> f64 {
+/// The area of an opening.
+pub(crate) fn area([a, b, c]: &[DVec3; 3]) -> f64 {
     0.5 * (b - a).cross(c - a).length()
+}
+
+/// The area of an opening as it is seen along a direction.
+pub(crate) fn seen_area([a, b, c]: &[DVec3; 3], direction: DVec3) -> f64 {
+    0.5 * (b - a).cross(c - a).dot(direction).abs()
+}
+
+/// A place of an opening for a pair of numbers in [0, 1): uniform over the area.
+pub(crate) fn place([a, b, c]: &[DVec3; 3], random: DVec2) -> DVec3 {
+    let root = random.x.sqrt();
+    a * (1.0 - root) + b * (root * (1.0 - random.y)) + c * (root * random.y)
 }

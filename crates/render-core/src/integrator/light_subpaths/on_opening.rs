@@ -6,12 +6,13 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::start::LOOKS;
 use crate::geometry::{Hit, Ray};
 use crate::light::{LightHit, Source};
 use crate::scene::Scene;
+use crate::scene::openings;
 use crate::scene::visibility::StraightWay;
 
 /// Light on a line through an opening.
@@ -39,7 +40,7 @@ pub(super) fn beam(
     let (centre, radius) = scene.specular_ball();
     let source = &scene.lights()[light as usize];
     let sample = source.sample_source(centre, radius, source.random(stream));
-    let place = place(*scene.accelerator().corners(opening), stream.next_2d());
+    let place = openings::place(scene.accelerator().corners(opening), stream.next_2d());
     let Source::Direction(direction) = sample.source else { return None };
     let [min, max] = scene.accelerator().bounds()?;
     let outside = place + direction * (max - min).length();
@@ -60,18 +61,6 @@ pub(super) fn direction_density(scene: &Scene, light: u32, to_light: &Ray, hit: 
     source.source_density(centre, radius, met)
 }
 
-/// The area of an opening as it is seen along a direction.
-pub(super) fn seen_area(scene: &Scene, opening: u32, direction: DVec3) -> f64 {
-    let [a, b, c] = *scene.accelerator().corners(opening);
-    0.5 * (b - a).cross(c - a).dot(direction).abs()
-}
-
-/// The area of an opening.
-pub(super) fn area(scene: &Scene, opening: u32) -> f64 {
-    let [a, b, c] = *scene.accelerator().corners(opening);
-    0.5 * (b - a).cross(c - a).length()
-}
-
 /// About the light that a light brings through an opening, W.
 pub(super) fn brought(scene: &Scene, light: u32, opening: u32) -> f64 {
     let settings = SamplerSettings { seed: 2, samples_per_block: LOOKS };
@@ -80,14 +69,8 @@ pub(super) fn brought(scene: &Scene, light: u32, opening: u32) -> f64 {
         let mut stream = SampleStream::new(&settings, 0, [light, opening], look);
         beam(scene, light, opening, &mut stream, counters).map_or(0.0, |beam| {
             let light = beam.weight * beam.way.transmittance;
-            light.element_sum() * seen_area(scene, opening, beam.ray.direction)
+            light.element_sum() * openings::seen_area(scene.accelerator().corners(opening), beam.ray.direction)
         })
     });
     looks.sum::<f64>() / f64::from(3 * LOOKS)
-}
-
-/// A place of a triangle for a pair of numbers in [0, 1): uniform over the area.
-fn place([a, b, c]: [DVec3; 3], random: DVec2) -> DVec3 {
-    let root = random.x.sqrt();
-    a * (1.0 - root) + b * (root * (1.0 - random.y)) + c * (root * random.y)
 }

@@ -15,6 +15,7 @@ use super::{on_light, on_opening};
 use crate::geometry::{Face, Ray, SurfaceId};
 use crate::light::LightHit;
 use crate::scene::Scene;
+use crate::scene::openings::{area, seen_area};
 
 /// The part of all starts on faces, and of all others, that is spread over them alike, whatever the looks have found.
 const EVENLY: f64 = 0.1;
@@ -54,7 +55,7 @@ impl Starts {
                 brought.push(kept.unwrap_or(0.0));
             } else {
                 let openings = scene.straight_triangles();
-                even.extend(openings.iter().map(|opening| on_opening::area(scene, *opening)));
+                even.extend(openings.iter().map(|opening| area(scene.accelerator().corners(*opening))));
                 brought.par_extend(openings.par_iter().map(|opening| on_opening::brought(scene, light, *opening)));
             }
         }
@@ -138,7 +139,7 @@ impl Starts {
         let of_light = self.firsts[light as usize] + self.faces;
         let densities = walls.iter().filter_map(|wall| {
             let number = scene.straight_triangles().binary_search(wall).ok()?;
-            let seen = on_opening::seen_area(scene, *wall, direction);
+            let seen = seen_area(scene.accelerator().corners(*wall), direction);
             (seen > 0.0).then(|| self.probabilities[of_light + number] / seen)
         });
         densities.sum()
