@@ -14,8 +14,8 @@ use crate::settings::{Check, JsonPath};
 /// Most light subpaths for each camera sample.
 const MOST_SUBPATHS: u32 = 256;
 
-/// Light tracing: light subpaths begin on panes and lamps, and leave splats where the camera sees their vertices. They
-/// bring all light that they can; the rest is found by path tracing.
+/// Light tracing: light subpaths begin on panes, in openings and on lamps, and leave splats where the camera sees their
+/// vertices. They bring all light that they can; the rest is found by path tracing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
