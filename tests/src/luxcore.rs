@@ -7,6 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use clerestory_film::metrics::RELATIVE_EPSILON;
 use clerestory_local_render::Clocks;
 use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::integrator::PreparedScene;
@@ -19,11 +20,9 @@ use crate::rendering::Rendering;
 /// What renders a picture.
 const SCRIPT: &str = include_str!("luxcore/render.py");
 
-/// The engines that find light through glass, all with Metropolis sampling.
-pub const ENGINES: [&str; 3] = ["LIGHTCPU", "BIDIRCPU", "PATHCPU"];
-
-/// Of the square of the picture's mean: what relative errors of dark pixels are relative to.
-const DARK: f64 = 1e-3;
+/// The engines that find light through glass, all with Metropolis sampling. `HYBRID` is `PATHCPU` with light tracing
+/// for caustics.
+pub const ENGINES: [&str; 4] = ["LIGHTCPU", "BIDIRCPU", "PATHCPU", "HYBRID"];
 
 /// The noise of pictures, over the pixels that count.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,20 +83,22 @@ impl Exported {
     }
 }
 
-/// Renders a scene by one of our integrators, for a time of one core.
+/// Renders a scene by one of our integrators on one thread, for a time of it.
 ///
 /// # Panics
 ///
 /// When the scene cannot be rendered.
 pub fn ours(bundle: &SceneBundle, core_seconds: f64) -> Vec<DVec3> {
     let scene = PreparedScene::build(bundle).expect("the scene can be built");
-    let threads = rayon::current_num_threads();
-    let clocks = Clocks::now();
-    let mut rendering = Rendering::new(&scene);
-    while rendering.passes() == 0 || clocks.spent(threads).core.as_secs_f64() < core_seconds {
-        rendering.render_pass().expect("finite samples");
-    }
-    rendering.image().pixels
+    let thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    thread.install(|| {
+        let clocks = Clocks::of_this_thread();
+        let mut rendering = Rendering::new(&scene);
+        while rendering.passes() == 0 || clocks.spent(1).core.as_secs_f64() < core_seconds {
+            rendering.render_pass().expect("finite samples");
+        }
+        rendering.image().pixels
+    })
 }
 
 /// The noise of two pictures by one method, over the pixels that count. Relative errors are those to `mean`.
@@ -108,7 +109,7 @@ pub fn noise([a, b]: &[Vec<DVec3>; 2], mean: &[DVec3], counts: &[bool]) -> Noise
     for (index, _) in counts.iter().enumerate().filter(|(_, counts)| **counts) {
         let apart = a[index] - b[index];
         let squares = apart * apart * 0.5;
-        let light = mean[index] * mean[index] + DVec3::splat(DARK * level * level);
+        let light = mean[index] * mean[index] + DVec3::splat(RELATIVE_EPSILON * level * level);
         sums.mse += squares.element_sum() / (3.0 * pixels);
         sums.relative += (squares / light).element_sum() / (3.0 * pixels);
     }

@@ -32,7 +32,7 @@ mod page;
 pub mod pairs;
 mod panes;
 mod pool;
-mod ratio;
+pub mod ratio;
 mod reference;
 mod region;
 mod regret;

@@ -11,15 +11,18 @@ const CONFIDENCE: f64 = 0.95;
 
 /// An estimate with its interval of 95 percent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Interval {
-    pub(crate) estimate: f64,
-    pub(crate) lower: f64,
-    pub(crate) upper: f64,
+pub struct Interval {
+    /// The most likely value.
+    pub estimate: f64,
+    /// The lower end.
+    pub lower: f64,
+    /// The upper end.
+    pub upper: f64,
 }
 
 /// The logarithm of something positive that is estimated.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Logarithm {
+pub struct Logarithm {
     value: f64,
     variance: f64,
     /// Degrees of freedom of the variance.
@@ -28,7 +31,7 @@ pub(crate) struct Logarithm {
 
 impl Logarithm {
     /// The logarithm of the mean of independent numbers. `None` for fewer than two, or where a mean is not positive.
-    pub(crate) fn of_mean(numbers: &[f64]) -> Option<Self> {
+    pub fn of_mean(numbers: &[f64]) -> Option<Self> {
         let count = numbers.len() as f64;
         let sum: f64 = numbers.iter().sum();
         let without: Vec<f64> = numbers.iter().map(|number| (sum - number) / (count - 1.0)).collect();
@@ -43,19 +46,19 @@ impl Logarithm {
     }
 
     /// The logarithm of the ratio of two that are independent.
-    pub(crate) fn over(self, other: Self) -> Self {
+    pub fn over(self, other: Self) -> Self {
         Self { value: self.value - other.value, ..added(&[self, other]) }
     }
 
     /// The logarithm of the geometric mean of independent ones; `None` without any.
-    pub(crate) fn geometric_mean(all: &[Self]) -> Option<Self> {
+    pub fn geometric_mean(all: &[Self]) -> Option<Self> {
         let count = all.len() as f64;
         let Self { value, variance, freedom } = added(all);
         (!all.is_empty()).then(|| Self { value: value / count, variance: variance / (count * count), freedom })
     }
 
     /// What it is the logarithm of.
-    pub(crate) fn interval(self) -> Interval {
+    pub fn interval(self) -> Interval {
         let quantile = StudentsT::new(0.0, 1.0, self.freedom.max(1.0))
             .map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * CONFIDENCE));
         let reach = quantile * self.variance.sqrt();

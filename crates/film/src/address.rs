@@ -38,8 +38,8 @@ pub enum Plane {
     /// The camera: each sample belongs to a pixel.
     #[default]
     Camera,
-    /// The lights: a pass has as many light subpaths as a pass of the camera plane has samples, and each leaves splats
-    /// anywhere in the frame.
+    /// The lights: each light subpath leaves splats anywhere in the frame. The integrator says how many there are for
+    /// each sample of the camera plane.
     Light,
 }
 

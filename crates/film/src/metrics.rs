@@ -19,7 +19,7 @@ use super::image_layers::ImageLayers;
 const TILE_SIZE: u32 = 64;
 
 /// The constant of the relative error: the usual 0.01 for images whose mean is 1.
-const RELATIVE_EPSILON: f64 = 0.01;
+pub const RELATIVE_EPSILON: f64 = 0.01;
 
 /// The difference between an image `x` and a reference `r`. With N numbers (three for each pixel):
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,6 +3,8 @@ floats: red, green and blue, row by row from the top left.
 
     python render.py FOLDER OUTPUT ENGINE SEED CORE_SECONDS
 
+HYBRID is PATHCPU with light tracing for caustics.
+
 Scenes may have matt surfaces, panes, suns, spheres and a sky of one colour.
 """
 
@@ -150,8 +152,10 @@ for number, light in enumerate(exported['lights']):
         sys.exit(f"found the light {light['name']}, expected a sun, a sphere or a sky of one colour")
 
 depth = exported['max_depth']
+is_hybrid = engine == 'HYBRID'
 config = pyluxcore.RenderConfig(properties({
-    'renderengine.type': engine, 'renderengine.seed': int(seed), 'sampler.type': 'METROPOLIS',
+    'renderengine.type': 'PATHCPU' if is_hybrid else engine, 'path.hybridbackforward.enable': int(is_hybrid),
+    'renderengine.seed': int(seed), 'sampler.type': 'METROPOLIS',
     'native.threads.count': 1, 'film.width': film['width'], 'film.height': film['height'],
     'film.filter.type': 'NONE', 'film.imagepipelines.0.0.type': 'NOP', 'film.outputs.0.type': 'RGB',
     'film.outputs.0.filename': 'unused.exr', 'path.clamping.variance.maxvalue': 0.0,

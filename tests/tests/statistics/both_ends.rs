@@ -1,6 +1,7 @@
 //! Light from both ends: `auto`, and light tracing alone, agree with the ground truth on every reference, with power.
 //!
-//! So do all techniques by which `auto` shares paths, whichever the pilot chooses.
+//! These references have light through panes alone, which one surface scatters. Light that is scattered again has tests
+//! of its own (`integrator/path/from_light_tests.rs`), and so have all shares (`weight_tests.rs`).
 
 use clerestory_tests::bias::{BLOCK, compare};
 use clerestory_tests::comparisons::comparison;

@@ -37,6 +37,8 @@ pub struct StoredReference {
     pub weights: [f64; 2],
     /// Mean square of the standard error over the square of the mean.
     pub noise: f64,
+    /// Standard error of the ratio of the means of both halves.
+    pub mean_error: f64,
     /// The bias test of one half against the other.
     pub verdict: String,
     /// Whether the halves agree.

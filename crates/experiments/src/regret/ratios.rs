@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::measured::{AUTO, Compared, Measured, Metric};
 use crate::pairs::TAXES;
+use crate::pairs::stored::Found;
 use crate::ratio::{Interval, Logarithm};
 use crate::table::{Column, column, rounded_number};
 
@@ -21,8 +22,11 @@ const MEAN: f64 = 1.05;
 /// Fewest pairs for a geometric mean that counts.
 const LEAST_PAIRS: usize = 16;
 
-/// Most of the least error that may be the noise of the reference.
+/// Most of the least error that may be the noise of the reference, or the square of a bias that it could hide.
 const LARGEST_SHARE: f64 = 0.1;
+
+/// Standard errors of the bias that a comparison of two halves could miss.
+const MISSED: f64 = 3.0;
 
 /// What a ratio is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -214,14 +218,20 @@ fn over(compared: &Compared, method: Option<&Measured>, metric: Metric) -> Resul
 /// Whether errors on a pair are known: there is a reference, and its noise is small beside them.
 fn check(compared: &Compared, metric: Metric) -> Result<(), String> {
     let [mse, rel_mse] = compared.shares();
-    let share = match metric {
-        Metric::Mse => mse,
-        Metric::RelMse => rel_mse,
+    let reference = compared.reference.as_ref();
+    let (share, noise) = match metric {
+        Metric::Mse => (mse, reference.map_or(0.0, |reference| reference.record.noise)),
+        Metric::RelMse => (rel_mse, compared.noise[1]),
+    };
+    let could_hide = |reference: &Found| {
+        let bias = MISSED * reference.record.mean_error;
+        share.is_some_and(|share| bias * bias * share > LARGEST_SHARE * noise)
     };
     match &compared.reference {
         None => Err("no reference".to_owned()),
         Some(reference) if !reference.record.agrees => Err("the halves of the reference disagree".to_owned()),
         Some(_) if share.is_none_or(|share| share > LARGEST_SHARE) => Err("below the reference".to_owned()),
+        Some(reference) if could_hide(reference) => Err("the halves of the reference could hide a bias".to_owned()),
         Some(_) => Ok(()),
     }
 }

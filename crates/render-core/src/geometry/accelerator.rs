@@ -15,7 +15,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use arrayvec::ArrayVec;
 use glam::DVec3;
 use thiserror::Error;
 
@@ -88,23 +87,6 @@ pub struct Hit {
     pub distance: f64,
     /// What was met.
     pub surface: Surface,
-}
-
-/// Most triangles that a ray goes straight through.
-pub const MOST_PASSED: usize = 64;
-
-/// Triangles that a ray goes straight through.
-pub type Passed = ArrayVec<PassedTriangle, MOST_PASSED>;
-
-/// A triangle that a ray goes straight through.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PassedTriangle {
-    /// Its number in the scene.
-    pub index: u32,
-    /// Weights of its second and third corner.
-    pub barycentric: [f64; 2],
-    /// Distance along the ray in metres.
-    pub distance: f64,
 }
 
 /// The triangles and panes of a scene, and the hierarchy over both.
@@ -358,43 +340,6 @@ impl Accelerator {
         self.any(query, max_distance, SurfaceId::Nothing, ignored_pane, counters, |hit| hit.distance <= max_distance)
     }
 
-    /// The triangles that a ray through the air goes straight through within `max_distance`, nearest first. `passes`
-    /// says of which triangles light passes. `None` where anything else stands in the way, or more than
-    /// [`MOST_PASSED`].
-    pub fn passed(
-        &self,
-        ray: &Ray,
-        max_distance: f64,
-        ray_origin: SurfaceId,
-        passes: &dyn Fn(u32) -> bool,
-        counters: &mut Counters,
-    ) -> Option<Passed> {
-        counters.rays += 1;
-        let mut all = Passed::new();
-        let query = Query::new(ray, ray_origin, Parts::Drawn);
-        let blocked = self.any(&query, max_distance, SurfaceId::Nothing, None, counters, |hit| {
-            if hit.distance > max_distance {
-                return false;
-            }
-            let Surface::Triangle { index, barycentric } = hit.surface else { return true };
-            !passes(index) || all.try_push(PassedTriangle { index, barycentric, distance: hit.distance }).is_err()
-        });
-        if blocked {
-            return None;
-        }
-        all.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.index.cmp(&b.index)));
-        let mut last: Option<PassedTriangle> = None;
-        all.retain(|next| {
-            let corners = self.corners(next.index);
-            let is_left = last.is_some_and(|last| self.is_beside(last.index, corners, next.distance - last.distance));
-            if !is_left {
-                last = Some(*next);
-            }
-            !is_left
-        });
-        Some(all)
-    }
-
     /// Whether `test` says yes to a hit on a triangle, or on a pane other than `ignored_pane`. Some beyond
     /// `max_distance` are tested as well. `reaching` is what the ray ends on.
     fn any(
@@ -581,9 +526,11 @@ fn to_local(pane: &Pane, ray: &Ray) -> Ray {
     Ray::new(pane.frame.point_to_local(ray.origin), pane.frame.vector_to_local(ray.direction))
 }
 
+mod passing;
 mod solid;
 mod within;
 
+pub use passing::{MOST_PASSED, Passed, PassedTriangle};
 pub use solid::Solid;
 pub use within::Within;
 

@@ -347,6 +347,11 @@ impl Widened<'_> {
         self.outline.area() * self.by * self.by
     }
 
+    /// Whether a place is in it.
+    pub(crate) fn contains(&self, place: DVec2) -> bool {
+        self.outline.contains(self.middle + (place - self.middle) / self.by)
+    }
+
     /// A place in it for a pair of numbers in [0, 1): uniform over the area.
     pub(crate) fn sample(&self, random: DVec2) -> DVec2 {
         self.middle + (self.outline.sample(random) - self.middle) * self.by

@@ -19,7 +19,8 @@ pub(super) enum Sharing {
     All,
     /// With chance. What specular methods and next event estimation find is theirs alone.
     Chance,
-    /// With none, so that no method looks for light.
+    /// With none. So methods look for light only where light subpaths leave no splats: where the camera sees through or
+    /// off something.
     None,
 }
 
@@ -30,7 +31,7 @@ impl Allocation {
     /// What is chosen where the pilot does not show that something else is better.
     pub(super) const USUAL: Self = Self { splats: 1, is_connected: true, sharing: Sharing::All };
 
-    /// Light tracing alone, beside which camera samples find what it leaves.
+    /// Light tracing alone, beside which methods and chance find what it leaves.
     pub(super) const fn alone(splats: u32) -> Self {
         Self { splats, is_connected: false, sharing: Sharing::None }
     }
@@ -53,7 +54,7 @@ impl Allocation {
         match sharing {
             Sharing::All => format!("{traced}{connected}"),
             Sharing::Chance => format!("{traced}{connected}, of light that other methods leave to chance alone"),
-            Sharing::None => format!("{traced}{connected}, of all light that they find, and chance finds the rest"),
+            Sharing::None => format!("{traced}{connected}, of all light on surfaces that the camera sees straight"),
         }
     }
 }

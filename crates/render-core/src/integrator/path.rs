@@ -104,6 +104,8 @@ struct Walk {
     /// Of the light that it carries, since the camera or the last vertex that scatters into a solid angle.
     polarisation: Polarisation,
     stretch: Stretch,
+    /// Whether methods look for light at its vertices.
+    asks_methods: bool,
     filter: Option<FilterState>,
     /// Vertices so far, at most as many as the scene allows between camera and light.
     depth: u32,
@@ -121,10 +123,11 @@ impl<'a> PathTracer<'a> {
             let with_light = events.iter().map(|event| PathEvent::from(*event)).chain([PathEvent::Light]).collect();
             Chain { events, with_light }
         };
-        let method = prepared.method().filter(|_| allocation.sharing != Sharing::None);
+        let method = prepared.method();
         let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
         let max_depth = prepared.description().integrator.max_depth();
         let scene = prepared.scene();
+        let light_plane = LightPlane::new(&allocation, grid);
         Self {
             scene,
             filter: prepared.path_filter(),
@@ -133,7 +136,7 @@ impl<'a> PathTracer<'a> {
             starts: prepared.starts(),
             is_connected: allocation.is_connected,
             leaves_methods: allocation.sharing == Sharing::Chance,
-            light_plane: LightPlane::new(&allocation, grid),
+            light_plane,
             mirrors: if grid.has_caustic { Mirrors::of(scene) } else { Mirrors::Metal },
             max_depth,
             start: Start::of(scene),
@@ -155,6 +158,7 @@ impl<'a> PathTracer<'a> {
             throughput: DVec3::ONE,
             polarisation: Polarisation::NONE,
             stretch: Stretch::new(None),
+            asks_methods: true,
             filter: self.filter.map(PathFilter::start),
             depth: 0,
         };
@@ -303,8 +307,10 @@ impl<'a> PathTracer<'a> {
             last_direction: walk.ray.direction,
             links: &walk.stretch.links,
         };
-        if walk.stretch.is_left_to_chance || self.owner(origin.point, origin.gathers_behind, &path, counters).is_none()
-        {
+        let is_left_to_chance = walk.stretch.is_left_to_chance
+            || !walk.asks_methods
+            || self.owner(origin.point, origin.gathers_behind, &path, counters).is_none();
+        if is_left_to_chance {
             return carried * self.share_of_chance(origin, walk, light, hit);
         }
         DVec3::ZERO
@@ -374,6 +380,9 @@ impl<'a> PathTracer<'a> {
             let around = [before, interface.as_ref().map_or(before, Interface::bodies_behind)];
             let is_open = walk.around.is_air() && interface.is_none();
             let by_light = if is_open { self.by_light(walk, &at, position) } else { FromCamera::default() };
+            if self.light_plane.is_alone && walk.stretch.from.is_none() {
+                walk.asks_methods = by_light.is_nothing();
+            }
             let lobe = Lobe { bsdf, at: &at, incident, receiver, bodies: [absorbs, behind], around, by_light };
             self.add_scattered(walk, &here, &lobe, carried, sample, stream, counters);
             if is_open {

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 
 use super::Scene;
 use crate::bsdf::polarisation::Polarisation;
-use crate::geometry::{Face, Hit, MOST_PASSED, Ray, Surface, SurfaceId};
+use crate::geometry::{Face, Hit, Ray, Surface, SurfaceId};
 use crate::light::{Source, SourceSample};
 use crate::scene::ShadingPoint;
 use clerestory_film::counters::Counters;
@@ -13,7 +13,7 @@ use clerestory_film::counters::Counters;
 /// Things on one ray whose distances differ by less than this part are in the same place.
 pub(crate) const SAME_PLACE: f64 = 1e-9;
 
-/// Triangles of thin walls on a straight way, at most [`MOST_PASSED`].
+/// Triangles of thin walls on a straight way, at most [`MOST_PASSED`](crate::geometry::MOST_PASSED).
 pub(crate) type Walls = SmallVec<[u32; 4]>;
 
 /// A straight way along a ray, which nothing blocks.
@@ -70,21 +70,14 @@ impl Scene {
     }
 
     /// What light along a ray meets first that is no thin wall, and its way to there; `None` where it meets nothing, or
-    /// more than [`MOST_PASSED`] walls. Lights that are no surfaces of the scene are not looked for.
+    /// too many walls. Lights that are no surfaces of the scene are not looked for.
     pub fn first_behind_walls(&self, ray: &Ray, counters: &mut Counters) -> Option<(Hit, StraightWay)> {
-        let mut hit = self.accelerator().closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, counters)?;
         if !self.has_straight_meshes() {
+            let hit = self.accelerator().closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, counters)?;
             return Some((hit, StraightWay::clear()));
         }
-        for _ in 0..MOST_PASSED {
-            let Surface::Triangle { index, .. } = hit.surface else { break };
-            if self.straight_bsdf(index).is_none() {
-                break;
-            }
-            let behind = Ray::new(ray.at(hit.distance), ray.direction);
-            let next = self.accelerator().closest_hit(&behind, f64::INFINITY, SurfaceId::Triangle(index), counters)?;
-            hit = Hit { distance: hit.distance + next.distance, ..next };
-        }
+        let passes = |triangle| self.straight_bsdf(triangle).is_some();
+        let hit = self.accelerator().closest_hit_past(ray, SurfaceId::Nothing, &passes, counters)?;
         let way = self.way_through_walls(ray, hit.distance, SurfaceId::Nothing, counters)?;
         Some((hit, way))
     }

@@ -9,7 +9,7 @@
 //!
 //! All of the derivative is bounded, by interval arithmetic on the chain of its steps. These are how the crossing of
 //! each face moves, how its slope changes, how strongly it refracts, and how thick the glass is. The faces' curvatures
-//! are bounded over the very region that light from the rectangle crosses, beyond the outline as well. Rounding is a
+//! are bounded over the very region that light from the rectangle crosses, and heights over the outline. Rounding is a
 //! hundred million times smaller than what is left of the bound ([`MOST_DEFECT`]).
 
 use arrayvec::ArrayVec;
@@ -25,8 +25,8 @@ use crate::math::simd::{Instructions, LANES, LaneRects, Lanes2, Mask};
 use crate::math::{Interval, Rect};
 use clerestory_film::counters::Counters;
 
-/// How far beyond a window the certificate reaches, as a part of its size: a path that is found there is the only one,
-/// too, and no light that passes the lead.
+/// How far beyond a window the certificate reaches within the outline, as a part of its size. A path that is
+/// found there is the only one, too.
 const BEYOND: f64 = 0.1;
 
 /// The derivative is near enough to one matrix when its defect is below 1; this much below, so that rounding cannot
@@ -59,7 +59,9 @@ impl Certificate {
         counters: &mut Counters,
     ) -> Option<Self> {
         let rect = window.rect();
-        let region = rect.grown(BEYOND * (rect.max - rect.min).max_element());
+        // Heights are bounded over the outline alone.
+        let grown = rect.grown(BEYOND * (rect.max - rect.min).max_element());
+        let region = if window.outline().holds(&grown) { grown } else { *rect };
         let whole = defect(window, source, region, counters)?;
         if whole <= MOST_DEFECT {
             return Some(Self::OnePath(region));

@@ -13,12 +13,36 @@ use super::on_face::{self, FACES};
 use super::start::{On, Start};
 use super::{on_light, on_opening};
 use crate::geometry::{Face, Ray, SurfaceId};
-use crate::light::LightHit;
+use crate::light::{LightHit, with_finer_places};
 use crate::scene::Scene;
 use crate::scene::openings::{area, seen_area};
 
 /// The part of all starts on faces, and of all others, that is spread over them alike, whatever the looks have found.
 const EVENLY: f64 = 0.1;
+
+/// A kind of starts: what looks have found that they bring, and how large they are, each summed over all.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    brought: f64,
+    even: f64,
+    /// Whether starts are drawn even where looks have found nothing: light of points may be found by nothing else.
+    is_needed: bool,
+}
+
+impl Kind {
+    fn is_used(&self) -> bool {
+        self.brought > 0.0 || (self.is_needed && self.even > 0.0)
+    }
+
+    /// The part of its starts that a place gets.
+    fn part(&self, brought: f64, even: f64) -> f64 {
+        match self.is_used() {
+            false => 0.0,
+            true if self.brought == 0.0 => even / self.even,
+            true => (1.0 - EVENLY) * brought / self.brought + EVENLY * even / self.even,
+        }
+    }
+}
 
 /// The starts of a scene's light subpaths.
 #[derive(Debug)]
@@ -65,16 +89,15 @@ impl Starts {
             let of_kind = parts.iter().zip(&is_straight).filter(|(_, is_straight)| **is_straight == straight);
             of_kind.map(|(part, _)| part).sum::<f64>()
         };
-        let totals = [false, true].map(|straight| [total(&brought, straight), total(&even, straight)]);
-        let kinds = totals.iter().filter(|[brought, _]| *brought > 0.0).count();
-        let probability = |place: usize| {
-            let [all_brought, all_even] = totals[usize::from(is_straight[place])];
-            if all_brought == 0.0 {
-                return 0.0;
-            }
-            let part = (1.0 - EVENLY) * brought[place] / all_brought + EVENLY * even[place] / all_even;
-            part / kinds as f64
-        };
+        let has_points = scene.lights().iter().any(|light| light.is_delta());
+        let kinds = [false, true].map(|straight| Kind {
+            brought: total(&brought, straight),
+            even: total(&even, straight),
+            is_needed: has_points && !straight,
+        });
+        let used = kinds.iter().filter(|kind| kind.is_used()).count();
+        let probability =
+            |place: usize| kinds[usize::from(is_straight[place])].part(brought[place], even[place]) / used as f64;
         let probabilities: Vec<f64> = (0..brought.len()).map(probability).collect();
         let mut sum = 0.0;
         let sums = probabilities.iter().map(|part| {
@@ -82,7 +105,7 @@ impl Starts {
             sum
         });
         let sums = sums.collect();
-        (kinds > 0).then_some(Self { sums, probabilities, ..starts })
+        (used > 0).then_some(Self { sums, probabilities, ..starts })
     }
 
     /// Draws a start; `None` where nothing comes from there.
@@ -92,7 +115,9 @@ impl Starts {
         stream: &mut SampleStream,
         counters: &mut Counters,
     ) -> Option<Start> {
-        let chosen = stream.next_1d() * self.sums.last()?;
+        let coarse = stream.next_1d();
+        // Places may be many, and some seldom drawn.
+        let chosen = with_finer_places(coarse, stream) * self.sums.last()?;
         let place = self.sums.partition_point(|sum| *sum <= chosen).min(self.sums.len() - 1);
         let (light, slot) = self.slot(place);
         let start = if slot < self.faces {

@@ -65,6 +65,11 @@ impl FromCamera {
         Self { near: splats / seen, beyond: 0.0 }
     }
 
+    /// Whether light subpaths find no such path.
+    pub(in crate::integrator) fn is_nothing(&self) -> bool {
+        self.near == 0.0 && self.beyond == 0.0
+    }
+
     /// At the end of an edge, at whose beginning light subpaths find `before`.
     pub(in crate::integrator) fn behind(edge: &Edge, before: f64) -> Self {
         let [near, beyond] = edge.parts();

@@ -46,6 +46,7 @@ impl PathTracer<'_> {
             throughput: DVec3::ONE,
             polarisation: Polarisation::NONE,
             stretch: Stretch::new(None),
+            asks_methods: false,
             filter: None,
             depth: 0,
         };
@@ -387,7 +388,7 @@ impl PathTracer<'_> {
         let is_point = self.scene.lights()[subpath.start.light as usize].is_delta();
         let by_chance = if is_point { FoundBy::Nothing } else { FoundBy::Chance };
         // Light from behind is left to chance, whatever the method finds in front.
-        if !gathers_behind && first.incident.dot(normal) >= 0.0 {
+        if self.light_plane.is_alone || !gathers_behind && first.incident.dot(normal) >= 0.0 {
             return by_chance;
         }
         let surface = SurfaceId::Triangle(first.triangle);

@@ -155,3 +155,31 @@ fn light_straight_through_thin_walls_lights_a_room_alike() {
         compare(&room, &expected, "light", 0.0);
     }
 }
+
+#[test]
+fn curtains_behind_thin_walls_keep_as_much_light_away() {
+    let sun = json!({"sun": {"name": "sun", "direction": [1, -0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
+    let mut room = glazed_room(&json!([sun]));
+    room["path_filter"] = json!("D+ T* L");
+    room["materials"]["cloth"] = json!({"metallic_roughness": {
+        "base_colour": {"colour": [0.1, 0.1, 0.1]}, "metallic": 0, "specular": 0, "opacity": 0.5}});
+    let corners = [[1.95, -2.0, 0.0], [1.95, 2.0, 0.0], [1.95, 2.0, 3.0], [1.95, -2.0, 3.0]];
+    let source = json!({"inline": {"positions": corners, "triangles": [[0, 1, 2], [0, 2, 3]]}});
+    let curtain = json!({"name": "curtain", "material": "cloth", "source": source});
+    room["meshes"].as_array_mut().unwrap().push(curtain);
+    let expected = see(&room, "path");
+    compare(&room, &expected, "auto", 0.0);
+    compare(&room, &expected, "light", 0.0);
+}
+
+#[test]
+fn methods_look_for_light_in_a_mirror_when_the_rest_is_traced_forward() {
+    let sun = json!({"sun": {"name": "sun", "direction": [1, 0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
+    let mut room = room(&json!([sun]), 1);
+    room["materials"]["silver"] = json!({"mirror": {}});
+    room["meshes"][1]["material"] = "silver".into();
+    // Both what light subpaths splat and what they do not.
+    room["path_filter"] = json!("R* D+ T T L");
+    let [found, expected] = [see_with(&room, "auto", Allocation::alone(8)), see(&room, "cone")];
+    compare_seen(&found, &expected, "traced forward alone", 1.0);
+}

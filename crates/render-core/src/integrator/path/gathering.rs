@@ -48,7 +48,7 @@ impl PathTracer<'_> {
             sample.radiance += carried * self.direct_light(walk, point, lobe, stream, counters);
         }
         // Methods know air on this side alone.
-        let chains = if walk.around.is_air() { &self.chains[..] } else { &[] };
+        let chains = if walk.around.is_air() && walk.asks_methods { &self.chains[..] } else { &[] };
         for chain in chains {
             let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
             if fits && self.accepts(walk.filter, &chain.with_light) {

@@ -11,6 +11,8 @@ pub(super) struct LightPlane {
     pub(super) subpaths: f64,
     /// The same where paths are shared by it.
     pub(super) shared_by: f64,
+    /// Whether it has what it finds alone, so that no method looks for that.
+    pub(super) is_alone: bool,
 }
 
 /// A number of subpaths beside which other techniques have no share in what these find.
@@ -20,8 +22,8 @@ impl LightPlane {
     /// With the light subpaths of an allocation.
     pub(super) fn new(allocation: &Allocation, grid: &TileGrid) -> Self {
         let for_each = if grid.has_light_plane { allocation.splats } else { 0 };
-        let is_alone = allocation.sharing == Sharing::None;
+        let is_alone = allocation.sharing == Sharing::None && for_each > 0;
         let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);
-        Self { subpaths, shared_by: if is_alone && for_each > 0 { ALL } else { subpaths } }
+        Self { subpaths, shared_by: if is_alone { ALL } else { subpaths }, is_alone }
     }
 }

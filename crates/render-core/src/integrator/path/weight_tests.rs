@@ -228,6 +228,7 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
                 throughput: DVec3::ONE,
                 polarisation: Polarisation::NONE,
                 stretch: Stretch::new(Some(origin)),
+                asks_methods: false,
                 filter: None,
                 depth: 0,
             };

@@ -16,7 +16,7 @@ use super::super::second_panes::SecondPanes;
 use super::super::side::PaneSide;
 use super::super::window::seen_face;
 use crate::geometry::spherical_rectangle::SphericalRectangle;
-use crate::geometry::{Face, Pane, PaneBoundary, Ray, Shape, Surface};
+use crate::geometry::{Face, Pane, PaneBoundary, Ray, Surface, Widened};
 use crate::light::{Chosen, Cluster, EmissionCone, Light, LightTree, Receiver, Side, Source, with_finer_places};
 use crate::math::Rect;
 use crate::scene::{Scene, ShadingPoint};
@@ -205,15 +205,15 @@ struct SeenPortal<'a> {
     portal: u32,
     aperture: PaneAperture<'a>,
     /// What it covers of the near plane.
-    covered: Covered,
+    covered: Covered<'a>,
 }
 
 /// What a portal covers of its near plane.
-enum Covered {
+enum Covered<'a> {
     /// A rectangle relative to the point's foot in that plane. Places are uniform in solid angle.
     Rectangle(SphericalRectangle),
-    /// A shape seen from a height above that plane. Places are uniform over its area: quarries are small.
-    Polygon { shape: Shape, height: f64 },
+    /// An outline seen from a height above that plane. Places are uniform over its area: quarries are small.
+    Outline { widened: Widened<'a>, height: f64 },
 }
 
 impl<'a> SeenPortal<'a> {
@@ -227,12 +227,11 @@ impl<'a> SeenPortal<'a> {
         let origin = geometry.frame.point_to_local(point.position);
         let side = PaneSide::facing(geometry, origin).filter(|side| side.near == face)?;
         let seen = seen_face(&side, origin)?;
-        let covered = match seen.outline.shape(seen.outline.rect())? {
-            Shape::Whole(Rect { min, max }) => {
-                let foot = origin.truncate();
-                Covered::Rectangle(SphericalRectangle::new(Rect::new(min - foot, max - foot), seen.near))
-            }
-            shape @ Shape::Polygon(..) => Covered::Polygon { shape, height: seen.near },
+        let covered = if geometry.outline.cuts().is_empty() {
+            let (Rect { min, max }, foot) = (*seen.outline.rect(), origin.truncate());
+            Covered::Rectangle(SphericalRectangle::new(Rect::new(min - foot, max - foot), seen.near))
+        } else {
+            Covered::Outline { widened: seen.outline.widened(), height: seen.near }
         };
         Some(Self {
             portal,
@@ -249,22 +248,25 @@ impl<'a> SeenPortal<'a> {
     fn sample(&self, random: DVec2) -> DVec2 {
         match &self.covered {
             Covered::Rectangle(rectangle) => rectangle.sample(random) + self.foot(),
-            Covered::Polygon { shape, .. } => shape.sample(random),
+            Covered::Outline { widened, .. } => widened.sample(random),
         }
     }
 
     /// Whether a place is one that may be drawn.
     fn holds(&self, place: DVec2) -> bool {
-        self.aperture.outline.contains(place)
+        match &self.covered {
+            Covered::Rectangle(_) => self.aperture.outline.contains(place),
+            Covered::Outline { widened, .. } => widened.contains(place),
+        }
     }
 
     /// The density of such a place, per solid angle.
     fn density(&self, place: DVec2) -> f64 {
         match &self.covered {
             Covered::Rectangle(rectangle) => rectangle.density(place - self.foot()),
-            Covered::Polygon { shape, height } => {
+            Covered::Outline { widened, height } => {
                 let length = (place - self.foot()).extend(*height).length();
-                length * length * length / (shape.area() * height)
+                length * length * length / (widened.area() * height)
             }
         }
     }
