@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use super::measured::{AUTO, Compared, Measured, Metric};
 use crate::pairs::TAXES;
-use crate::pairs::stored::Found;
 use crate::ratio::{Interval, Logarithm};
 use crate::table::{Column, column, rounded_number};
 
@@ -223,17 +222,22 @@ fn check(compared: &Compared, metric: Metric) -> Result<(), String> {
         Metric::Mse => (mse, reference.map_or(0.0, |reference| reference.record.noise)),
         Metric::RelMse => (rel_mse, compared.noise[1]),
     };
-    let could_hide = |reference: &Found| {
-        let bias = MISSED * reference.record.mean_error;
-        share.is_some_and(|share| bias * bias * share > LARGEST_SHARE * noise)
-    };
     match &compared.reference {
         None => Err("no reference".to_owned()),
         Some(reference) if !reference.record.agrees => Err("the halves of the reference disagree".to_owned()),
         Some(_) if share.is_none_or(|share| share > LARGEST_SHARE) => Err("below the reference".to_owned()),
-        Some(reference) if could_hide(reference) => Err("the halves of the reference could hide a bias".to_owned()),
+        Some(reference) if could_hide_bias(reference.record.mean_error, share.unwrap_or_default(), noise) => {
+            Err("the halves of the reference could hide a bias".to_owned())
+        }
         Some(_) => Ok(()),
     }
+}
+
+/// Whether the square of a bias that the halves of a reference could hide is too much of the least error. Its noise is
+/// the part `share` of that, and relative to the picture it is `noise`.
+fn could_hide_bias(mean_error: f64, share: f64, noise: f64) -> bool {
+    let bias = MISSED * mean_error;
+    bias * bias * share > LARGEST_SHARE * noise
 }
 
 /// What glass costs, by relMSE.
@@ -251,4 +255,17 @@ fn taxes(all: &[Compared]) -> impl Iterator<Item = Ratio> {
         let against = "the same without panes".to_owned();
         Ratio { pair, glass, against, ..Ratio::new(Figure::GlassTax, metric, Some(tax.limit)) }.with(ratio)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bias_of_three_standard_errors_must_be_small_beside_the_least_error() {
+        // The least error is 0.02 of the squared mean.
+        let (noise, share) = (0.001, 0.05);
+        assert!(!could_hide_bias(0.01, share, noise), "0.0009 is less than a tenth");
+        assert!(could_hide_bias(0.02, share, noise), "0.0036 is more than a tenth");
+    }
 }
