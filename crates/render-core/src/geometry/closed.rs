@@ -33,6 +33,34 @@ pub(crate) fn is_solid(triangles: impl Iterator<Item = [DVec3; 3]>) -> bool {
     open == 0 && volume > 0.0
 }
 
+/// Of more triangles than this, it is not known whether a surface is convex: each is compared with all others.
+const MOST_COMPARED: usize = 4096;
+
+/// Whether a closed surface is known to be convex: all of it is on one side of the plane of each triangle, up to
+/// rounding. So no ray that has left the body within meets it again.
+pub(crate) fn is_convex(triangles: &[[DVec3; 3]]) -> bool {
+    let (low, high) = triangles
+        .as_flattened()
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), corner| (low.min(*corner), high.max(*corner)));
+    // Corners that a file has in single precision are off their plane by about a tenth of it.
+    let slack = 1e-6 * (high - low).length();
+    triangles.len() <= MOST_COMPARED
+        && triangles.iter().all(|[a, b, c]| {
+            let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
+            let heights = triangles.as_flattened().iter().map(|corner| (*corner - *a).dot(normal));
+            let (mut above, mut below) = (false, false);
+            for height in heights {
+                above |= height > slack;
+                below |= height < -slack;
+                if above && below {
+                    return false;
+                }
+            }
+            true
+        })
+}
+
 /// The same for both directions.
 fn edge(from: u64, to: u64) -> u64 {
     mix(from.min(to).wrapping_add(mix(from.max(to))))
@@ -86,6 +114,20 @@ mod tests {
             _ => *triangle,
         });
         assert!(!is_solid(twisted));
+    }
+
+    #[test]
+    fn a_box_is_convex_and_two_or_one_with_a_dent_are_not() {
+        let block = block();
+        assert!(is_convex(&block));
+        let moved = |by: DVec3| block.iter().map(move |triangle| triangle.map(|corner| corner + by));
+        let two: Vec<_> = moved(DVec3::ZERO).chain(moved(3.0 * DVec3::X)).collect();
+        assert!(!is_convex(&two));
+        let dent = |corner: DVec3| if corner == DVec3::splat(0.5) { DVec3::splat(0.1) } else { corner };
+        let dented: Vec<_> = block.iter().map(|triangle| triangle.map(dent)).collect();
+        assert!(is_closed(dented.iter().copied()) && !is_convex(&dented));
+        let single = |triangle: &[DVec3; 3]| triangle.map(|corner| (corner * 0.123).as_vec3().as_dvec3());
+        assert!(is_convex(&block.iter().map(single).collect::<Vec<_>>()));
     }
 
     #[test]

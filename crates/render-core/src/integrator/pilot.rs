@@ -4,6 +4,8 @@
 //! timed. So every process decides alike, and a sample stays a function of the scene, the frame, the pixel and its
 //! number. The choice changes the noise of an image and not its mean, since the weights of techniques know it.
 
+use std::ops::AddAssign;
+
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings, TileGrid};
 use glam::{DVec2, DVec3};
@@ -11,6 +13,7 @@ use glam::{DVec2, DVec3};
 use super::allocation::{Allocation, Sharing};
 use super::path::PathTracer;
 use super::prepared::PreparedScene;
+use crate::specular::looks::Looks;
 use crate::specular::settings::LightSubpaths;
 
 impl PreparedScene {
@@ -38,11 +41,17 @@ impl PreparedScene {
 const MANY: u32 = 16;
 const SOME: u32 = 4;
 
-/// Pixels of the pilot's picture, about.
-const PIXELS: f64 = 300.0;
+/// Pixels of the pilot's pictures, about: of those that tell what a sample costs, and the most.
+const PIXELS: [f64; 2] = [64.0, 600.0];
 
 /// Samples of each pixel, and batches of light subpaths.
-const SAMPLES: u32 = 8;
+const SAMPLES: u32 = 4;
+
+/// What pictures of more pixels may cost, in microseconds of a core, about.
+const BUDGET: f64 = 4e5;
+
+/// A choice whose first picture has more noise than another by this factor is given up.
+const HOPELESS: f64 = 4.0;
 
 /// The frame whose random numbers the pilot has: no job has as many.
 const NO_FRAME: u32 = u32::MAX;
@@ -50,14 +59,25 @@ const NO_FRAME: u32 = u32::MAX;
 /// Another choice has to be better than the usual one by this factor, as far as the pilot can tell.
 const BETTER: f64 = 1.2;
 
-/// A picture whose mean is off by more than can be by chance, in squared standard errors, lacks light so far.
-const SURE: f64 = 16.0;
+/// A picture whose mean is lower than that of the others by more than this, in squared standard errors, lacks light that
+/// it has not met so far.
+const SURE: f64 = 4.0;
 
 /// As in the relative error of an image: this part of the mean, squared, is added to a pixel's square.
 const DARK: f64 = 0.01;
 
-/// What work takes, in microseconds, about.
-const COSTS: Costs = Costs { sample: 2.0, subpath: 0.2, ray: 0.6, height_evaluation: 0.4, solver_call: 2.0 };
+/// What work takes, in microseconds, about: a fit to the times of 31 scenes, most of which it tells within a factor of
+/// 1.6.
+const COSTS: Costs = Costs {
+    sample: 1.0,
+    subpath: 0.5,
+    ray: 1.2,
+    height_evaluation: 0.15,
+    solver_call: 2.4,
+    window: 6.5,
+    node: 0.1,
+    portal: 1.5,
+};
 
 struct Costs {
     sample: f64,
@@ -65,36 +85,85 @@ struct Costs {
     ray: f64,
     height_evaluation: f64,
     solver_call: f64,
+    window: f64,
+    node: f64,
+    portal: f64,
 }
 
-impl Costs {
-    fn of(&self, counters: &Counters) -> f64 {
-        self.ray * counters.rays as f64
-            + self.height_evaluation * counters.height_evaluations as f64
-            + self.solver_call * counters.solver_calls as f64
+/// Work that was done.
+#[derive(Clone, Copy, Debug, Default)]
+struct Work {
+    counters: Counters,
+    looks: Looks,
+}
+
+impl Work {
+    /// What comes of a piece of work, and what it took.
+    fn of<T>(work: impl FnOnce(&mut Counters) -> T) -> (T, Self) {
+        let (mut counters, before) = (Counters::default(), Looks::so_far());
+        let done = work(&mut counters);
+        (done, Self { counters, looks: Looks::so_far() - before })
+    }
+
+    /// In microseconds, about.
+    fn cost(&self) -> f64 {
+        let Self { counters, looks } = self;
+        COSTS.ray * counters.rays as f64
+            + COSTS.height_evaluation * counters.height_evaluations as f64
+            + COSTS.solver_call * counters.solver_calls as f64
+            + COSTS.window * looks.windows as f64
+            + COSTS.node * looks.nodes as f64
+            + COSTS.portal * looks.portals as f64
+    }
+}
+
+impl AddAssign for Work {
+    fn add_assign(&mut self, other: Self) {
+        self.counters += other.counters;
+        self.looks += other.looks;
     }
 }
 
 /// The choice for a scene, of which the integrator shares paths with light subpaths.
 fn allocate(prepared: &PreparedScene) -> Allocation {
-    let grid = prepared.description().grid(1);
-    let choices = choices(prepared, &grid);
-    let Some(first) = choices.first() else { return Allocation::NONE };
-    if choices.len() == 1 {
-        return *first;
+    let grid = &prepared.description().grid(1);
+    let choices = &choices(prepared, grid)[..];
+    let usual = match choices {
+        [] => return Allocation::NONE,
+        [only] => return *only,
+        [usual, ..] => *usual,
+    };
+    let pictures = |choices: &[Allocation], pixels: f64| -> Vec<Picture> {
+        choices.iter().map(|choice| Picture::new(prepared, grid, *choice, pixels)).collect()
+    };
+    let [few, most] = PIXELS;
+    let small = pictures(choices, few);
+    let noise_of_small = noise(&small);
+    let least = noise_of_small.iter().copied().fold(f64::INFINITY, f64::min);
+    let hopeful = (0..choices.len()).filter(|choice| noise_of_small[*choice] <= least * HOPELESS * HOPELESS);
+    let (hopeful, costs): (Vec<Allocation>, Vec<f64>) =
+        hopeful.map(|choice| (choices[choice], small[choice].cost)).unzip();
+    let pixels = (BUDGET / (f64::from(SAMPLES) * costs.iter().sum::<f64>())).min(most);
+    if hopeful.len() > 1 && pixels > few {
+        best(usual, &hopeful, &noise(&pictures(&hopeful, pixels)))
+    } else {
+        best(usual, choices, &noise_of_small)
     }
-    let pictures: Vec<Picture> = choices.iter().map(|choice| Picture::new(prepared, &grid, *choice)).collect();
-    let expected = Expected::of(&pictures);
-    let noise: Vec<f64> = pictures.iter().map(|picture| picture.noise(&expected)).collect();
-    // The first is the usual one.
-    let mut best = 0;
-    for other in 1..choices.len() {
-        let least = if best == 0 { noise[0] / (BETTER * BETTER) } else { noise[best] };
-        if noise[other] < least {
-            best = other;
-        }
-    }
-    choices[best]
+}
+
+/// The choice with the least noise, as far as it is sure that it has less than the usual one.
+fn best(usual: Allocation, choices: &[Allocation], noise: &[f64]) -> Allocation {
+    let counted = choices.iter().zip(noise).map(|(choice, noise)| {
+        let handicap = if *choice == usual { BETTER * BETTER } else { 1.0 };
+        (choice, noise / handicap)
+    });
+    counted.min_by(|one, other| one.1.total_cmp(&other.1)).map_or(usual, |(choice, _)| *choice)
+}
+
+/// The noise of each picture, over a constant.
+fn noise(pictures: &[Picture]) -> Vec<f64> {
+    let expected = Expected::of(pictures);
+    pictures.iter().map(|picture| picture.noise(&expected)).collect()
 }
 
 /// What may be chosen, the usual choice first.
@@ -124,7 +193,7 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
             choices.extend([SOME, MANY].map(|splats| Allocation { splats, ..unconnected }));
             // Light subpaths do not go through specular meshes.
             if !scene.meshes().iter().any(|mesh| mesh.is_specular()) {
-                choices.push(Allocation::alone(MANY));
+                choices.extend([SOME, MANY].map(Allocation::alone));
             }
             choices
         }
@@ -141,13 +210,14 @@ struct Picture {
     variances: Vec<DVec3>,
     /// Of a sample, microseconds.
     cost: f64,
+    splats: u32,
 }
 
 impl Picture {
-    fn new(prepared: &PreparedScene, grid: &TileGrid, choice: Allocation) -> Self {
+    fn new(prepared: &PreparedScene, grid: &TileGrid, choice: Allocation, about: f64) -> Self {
         let tracer = PathTracer::with(prepared, grid, choice);
         let (width, height) = (f64::from(grid.width), f64::from(grid.height));
-        let scale = (PIXELS / (width * height)).sqrt().min(1.0);
+        let scale = (about / (width * height)).sqrt().min(1.0);
         let [columns, rows] = [width, height].map(|edge| (edge * scale).round().max(1.0) as u32);
         let pixels = columns * rows;
         let seen = on_all_cores(pixels, |pixel| {
@@ -155,45 +225,50 @@ impl Picture {
                 .map(|(index, count, edge)| ((f64::from(index) + 0.5) * edge / f64::from(count)) as u32);
             camera_moments(prepared, &tracer, [x, y])
         });
-        let mut counters = Counters::default();
+        let mut work = Work::default();
         let mut moments: Vec<Moments> = Vec::with_capacity(pixels as usize);
-        for (of_pixel, counted) in seen {
-            counters += counted;
+        for (of_pixel, taken) in seen {
+            work += taken;
             moments.push(of_pixel);
         }
         let samples = f64::from(pixels * SAMPLES);
-        let mut cost = COSTS.sample + COSTS.of(&counters) / samples;
+        let mut cost = COSTS.sample + work.cost() / samples;
         let mut splatted = vec![Moments::default(); pixels as usize];
         if choice.splats > 0 {
             let batches = on_all_cores(SAMPLES, |batch| {
-                let (mut sums, mut counters) = (vec![DVec3::ZERO; pixels as usize], Counters::default());
-                for number in 0..pixels {
-                    let mut stream = SampleStream::of_light(0, NO_FRAME, batch, number.into());
-                    tracer.splat(&mut stream, &mut counters, |splat| {
-                        let [column, row] =
-                            [(splat.pixel[0], columns, grid.width), (splat.pixel[1], rows, grid.height)].map(
-                                |(place, count, edge)| (u64::from(place) * u64::from(count) / u64::from(edge)) as u32,
-                            );
-                        sums[(row * columns + column) as usize] += splat.radiance;
-                    });
-                }
-                (sums, counters)
+                Work::of(|counters| {
+                    let mut sums = vec![DVec3::ZERO; pixels as usize];
+                    for number in 0..pixels {
+                        let mut stream = SampleStream::of_light(0, NO_FRAME, batch, number.into());
+                        tracer.splat(&mut stream, counters, |splat| {
+                            let [column, row] =
+                                [(splat.pixel[0], columns, grid.width), (splat.pixel[1], rows, grid.height)].map(
+                                    |(place, count, edge)| {
+                                        (u64::from(place) * u64::from(count) / u64::from(edge)) as u32
+                                    },
+                                );
+                            sums[(row * columns + column) as usize] += splat.radiance;
+                        });
+                    }
+                    sums
+                })
             });
-            let mut counters = Counters::default();
-            for (sums, counted) in batches {
-                counters += counted;
+            let mut work = Work::default();
+            for (sums, taken) in batches {
+                work += taken;
                 for (moments, sum) in splatted.iter_mut().zip(sums) {
                     moments.add(sum);
                 }
             }
-            cost += f64::from(choice.splats) * (COSTS.subpath + COSTS.of(&counters) / samples);
+            cost += f64::from(choice.splats) * (COSTS.subpath + work.cost() / samples);
         }
         // A batch has one light subpath for each sample, of as many as were chosen.
-        let splats = f64::from(choice.splats);
-        let means = moments.iter().zip(&splatted).map(|(camera, light)| camera.mean() + light.mean() * splats);
+        let Allocation { splats, .. } = choice;
+        let times = f64::from(splats);
+        let means = moments.iter().zip(&splatted).map(|(camera, light)| camera.mean() + light.mean() * times);
         let variances =
-            moments.iter().zip(&splatted).map(|(camera, light)| camera.variance() + light.variance() * splats);
-        Self { means: means.collect(), variances: variances.collect(), cost }
+            moments.iter().zip(&splatted).map(|(camera, light)| camera.variance() + light.variance() * times);
+        Self { means: means.collect(), variances: variances.collect(), cost, splats }
     }
 
     /// Of all pixels and channels.
@@ -201,19 +276,24 @@ impl Picture {
         self.means.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * self.means.len() as f64)
     }
 
+    /// Of a sample, the mean over all pixels and channels.
+    fn variance(&self) -> f64 {
+        self.variances.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * self.variances.len() as f64)
+    }
+
     /// The squared error times cost, times the relative squared error times cost, over constants.
     fn noise(&self, expected: &Expected) -> f64 {
         let count = self.means.len() as f64;
-        let Expected { pixels, mean } = expected;
-        let (mut squares, mut relative) = (0.0, 0.0);
-        for (variance, pixel) in self.variances.iter().zip(pixels) {
-            squares += variance.element_sum() / (3.0 * count);
-            relative += (variance / (pixel * pixel + DARK * mean * mean)).element_sum() / (3.0 * count);
-        }
-        // What has found nothing has no variance either.
-        let off = self.mean() - mean;
+        let Expected { pixels, mean, variance } = expected;
+        let mut squares = self.variance();
+        let relative = self.variances.iter().zip(pixels);
+        let relative =
+            relative.map(|(variance, pixel)| (variance / (pixel * pixel + DARK * mean * mean)).element_sum());
+        let mut relative = relative.sum::<f64>() / (3.0 * count);
+        // What has found nothing has no variance either. What has found more has missed nothing.
+        let off = (mean - self.mean()).max(0.0);
         let off = off * off * f64::from(SAMPLES) * count;
-        if off > SURE * squares {
+        if off > SURE * (squares + variance) {
             squares += off;
             relative += off / (mean * mean);
         }
@@ -251,34 +331,44 @@ struct Expected {
     pixels: Vec<DVec3>,
     /// Of all pixels and channels, the median of all pictures: some may have found nothing yet.
     mean: f64,
+    /// How much a sample is off that is compared with it.
+    variance: f64,
 }
 
 impl Expected {
     fn of(pictures: &[Picture]) -> Self {
-        let mut pixels = vec![DVec3::ZERO; pictures.first().map_or(0, |picture| picture.means.len())];
+        let count = pictures.first().map_or(0, |picture| picture.means.len());
+        let mut pixels = vec![DVec3::ZERO; count];
         for picture in pictures {
             for (sum, mean) in pixels.iter_mut().zip(&picture.means) {
                 *sum += mean / pictures.len() as f64;
             }
         }
-        let mut means: Vec<f64> = pictures.iter().map(Picture::mean).collect();
-        means.sort_by(f64::total_cmp);
-        let mean = means.get(means.len() / 2).copied().unwrap_or(0.0);
-        Self { pixels, mean }
+        let mut by_mean: Vec<&Picture> = pictures.iter().collect();
+        by_mean.sort_by(|one, other| one.mean().total_cmp(&other.mean()));
+        let (mean, mut variance) =
+            by_mean.get(pictures.len() / 2).map_or((0.0, 0.0), |median| (median.mean(), median.variance()));
+        // Camera samples see some pixels, and light subpaths all.
+        if pictures.windows(2).any(|two| two[0].splats != two[1].splats) {
+            let off = |pixel: &DVec3| (*pixel - mean).length_squared();
+            variance += f64::from(SAMPLES) * pixels.iter().map(off).sum::<f64>() / (3.0 * count as f64);
+        }
+        Self { pixels, mean, variance }
     }
 }
 
 /// What a pixel's camera samples see.
-fn camera_moments(prepared: &PreparedScene, tracer: &PathTracer<'_>, pixel: [u32; 2]) -> (Moments, Counters) {
+fn camera_moments(prepared: &PreparedScene, tracer: &PathTracer<'_>, pixel: [u32; 2]) -> (Moments, Work) {
     let settings = SamplerSettings { seed: 0, samples_per_block: SAMPLES };
-    let (mut moments, mut counters) = (Moments::default(), Counters::default());
-    for sample in 0..SAMPLES {
-        let mut stream = SampleStream::new(&settings, NO_FRAME, pixel, sample);
-        let position = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + stream.next_2d();
-        let seen = tracer.sample(prepared.scene().camera().ray(position), &mut stream, &mut counters);
-        moments.add(seen.radiance);
-    }
-    (moments, counters)
+    Work::of(|counters| {
+        let mut moments = Moments::default();
+        for sample in 0..SAMPLES {
+            let mut stream = SampleStream::new(&settings, NO_FRAME, pixel, sample);
+            let position = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + stream.next_2d();
+            moments.add(tracer.sample(prepared.scene().camera().ray(position), &mut stream, counters).radiance);
+        }
+        moments
+    })
 }
 
 /// Sums of [`SAMPLES`] values and of their squares.

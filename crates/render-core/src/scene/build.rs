@@ -20,7 +20,7 @@ use super::shining::{lights_of_meshes, shining_surfaces};
 use super::surface_coverage::SurfaceCoverage;
 use super::validate_faces::check_faces;
 use super::validate_places::Obstacles;
-use crate::geometry::closed::is_closed;
+use crate::geometry::closed::{is_closed, is_convex};
 use crate::geometry::{Accelerator, Coverage, Pane};
 use crate::light::{EnvironmentMap, EnvironmentMaps, Light, LightAssets, LightSampler};
 use crate::settings::SceneError;
@@ -177,6 +177,12 @@ impl Scene {
         let triangles = self.meshes[mesh as usize].triangle_range();
         let look = || is_closed(triangles.map(|triangle| *self.accelerator.corners(triangle)));
         *self.closed[mesh as usize].get_or_init(look)
+    }
+
+    /// Whether a closed mesh is known to be convex, so that no light goes through it twice.
+    pub(crate) fn is_convex(&self, mesh: u32) -> bool {
+        let triangles = self.meshes[mesh as usize].triangle_range();
+        is_convex(&triangles.map(|triangle| *self.accelerator.corners(triangle)).collect::<Vec<_>>())
     }
 
     /// The meshes, in the order of the scene file and of their triangles.

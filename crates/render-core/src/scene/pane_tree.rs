@@ -22,6 +22,7 @@ use smallvec::{SmallVec, smallvec};
 use crate::geometry::{Face, Pane};
 use crate::light::{Light, LightBounds, Source};
 use crate::math::Interval;
+use crate::specular::looks::Looks;
 
 /// Panes for which no memory is allocated.
 const USUAL_PANES: usize = 8;
@@ -244,9 +245,10 @@ impl PaneTree {
 
     /// The panes of which something is true, in ascending order: what is not true of a node is true of no pane in it.
     fn panes_where(&self, may: impl Fn(&Node) -> bool) -> Panes {
-        let mut found = Panes::new();
+        let (mut found, mut visited) = (Panes::new(), 0);
         let mut stack: SmallVec<[usize; 2 * USUAL_PANES]> = smallvec![0];
         while let Some(node) = stack.pop().and_then(|index| self.nodes.get(index)) {
+            visited += 1;
             if !may(node) {
                 continue;
             }
@@ -255,6 +257,7 @@ impl PaneTree {
                 Content::Children(children) => stack.extend(children),
             }
         }
+        Looks::count(|looks| looks.nodes += visited);
         found.sort_unstable();
         found
     }

@@ -16,6 +16,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::looks::Looks;
 use super::{
     deflection::{DeflectionBounds, Detail, Ends, MirroredSource, Part, mirrored},
     direction_bounds::cap_bounds,
@@ -73,6 +74,7 @@ impl<'a> Window<'a> {
         let mut rect = outline.narrowed(outline.rect());
         let mut last = None;
         for round in 0..ROUNDS {
+            Looks::count(|looks| looks.windows += 1);
             // Most points see no light through most panes: the first round, which finds that, reads no pyramid.
             let detail = if round == 0 { Detail::WholeFace } else { Detail::Region };
             let (deflection, part) = DeflectionBounds::new(side, &ends, &rect, detail)?;

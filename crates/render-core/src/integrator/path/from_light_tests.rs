@@ -120,7 +120,7 @@ fn light_through_panes_lights_a_room_alike() {
     check(&lamp, 2, 1.2);
     // Most of it comes past the pane.
     check(&sky, 1, 0.8);
-    let by_chance = Allocation { splats: 1, is_connected: false, sharing: Sharing::Chance };
+    let by_chance = Allocation { is_connected: false, sharing: Sharing::Chance, ..Allocation::USUAL };
     let behind_glass = room(&json!([lamp]), 1);
     let [found, expected] = [see_with(&behind_glass, "auto", by_chance), see(&behind_glass, "cone")];
     compare_seen(&found, &expected, "light left to chance", 0.0);

@@ -117,10 +117,10 @@ fn is_below(limit: f64, light: &Light, boxes: &[[DVec3; 2]]) -> bool {
 }
 
 /// Whether light may go through one body and then through another: not where they lie beside each other in one plane. A
-/// mesh may be hollow, and light may go through both of its walls.
+/// mesh may be hollow, and light may go through both of its walls, unless it is convex.
 fn is_in_a_row(scene: &Scene, first: Caster, next: Caster) -> bool {
     if first == next {
-        return matches!(first, Caster::Mesh(_));
+        return matches!(first, Caster::Mesh(mesh) if !scene.is_convex(mesh));
     }
     let is_beside = |one: Caster, other: Caster| {
         let Caster::Pane(pane) = one else { return false };
@@ -346,11 +346,16 @@ mod tests {
 
     #[test]
     fn light_goes_through_both_walls_of_a_hollow_body_and_through_panes_behind_each_other() {
-        let hollow = changed(&[], |scene| {
-            scene["meshes"].as_array_mut().unwrap().truncate(1);
-            scene["lights"] = json!([{"point": {"name": "lamp", "position": [0, 0, 3], "intensity": [1, 1, 1]}}]);
-        });
-        assert_eq!(methods(&hollow, 0, Caster::Mesh(0), "TTTT"), [Best::Sms]);
+        let body = |corner: f64| {
+            changed(&[], |scene| {
+                scene["meshes"].as_array_mut().unwrap().truncate(1);
+                scene["meshes"][0]["source"]["inline"]["positions"][7] = json!([corner, corner, corner]);
+                scene["lights"] = json!([{"point": {"name": "lamp", "position": [0, 0, 3], "intensity": [1, 1, 1]}}]);
+            })
+        };
+        let [dented, convex] = [body(0.02), body(0.1)];
+        assert_eq!(methods(&dented, 0, Caster::Mesh(0), "TTTT"), [Best::Sms]);
+        assert!(methods(&convex, 0, Caster::Mesh(0), "TTTT").is_empty());
         let glazing = scene(&[pane("outer", [0.0, 1.0]), pane("inner", [0.0, 1.02])]);
         for pane in [0, 1] {
             assert_eq!(methods(&glazing, SUN, Caster::Pane(pane), "TTTT"), [Best::Sms]);

@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 
 use super::super::Arrival;
 use super::super::light_view::{AimedRay, PaneAperture};
+use super::super::looks::Looks;
 use super::super::second_panes::SecondPanes;
 use super::super::side::PaneSide;
 use super::super::window::seen_face;
@@ -220,6 +221,7 @@ impl<'a> SeenPortal<'a> {
     /// `None` where the point sees the pane from the other side, or none of it.
     fn new(scene: &'a Scene, point: &ShadingPoint, portal: u32) -> Option<Self> {
         let (pane, face) = (portal / FACES.len() as u32, FACES[portal as usize % FACES.len()]);
+        Looks::count(|looks| looks.portals += 1);
         if scene.media().is_immersed(pane) {
             return None;
         }
