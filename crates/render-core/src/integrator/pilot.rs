@@ -42,10 +42,13 @@ const MANY: u32 = 16;
 const SOME: u32 = 4;
 
 /// Pixels of the pilot's pictures, about: of those that tell what a sample costs, and the most.
-const PIXELS: [f64; 2] = [64.0, 600.0];
+const PIXELS: [f64; 2] = [16.0, 150.0];
 
-/// Samples of each pixel, and batches of light subpaths.
-const SAMPLES: u32 = 4;
+/// Blocks of samples of each pixel, and batches of light subpaths. Samples of a block are stratified, as those of an
+/// image are.
+const BLOCKS: u32 = 2;
+const IN_BLOCK: u32 = 8;
+const SAMPLES: u32 = BLOCKS * IN_BLOCK;
 
 /// What pictures of more pixels may cost, in microseconds of a core, about.
 const BUDGET: f64 = 4e5;
@@ -235,10 +238,10 @@ impl Picture {
         let mut cost = COSTS.sample + work.cost() / samples;
         let mut splatted = vec![Moments::default(); pixels as usize];
         if choice.splats > 0 {
-            let batches = on_all_cores(SAMPLES, |batch| {
+            let batches = on_all_cores(BLOCKS, |batch| {
                 Work::of(|counters| {
                     let mut sums = vec![DVec3::ZERO; pixels as usize];
-                    for number in 0..pixels {
+                    for number in 0..pixels * IN_BLOCK {
                         let mut stream = SampleStream::of_light(0, NO_FRAME, batch, number.into());
                         tracer.splat(&mut stream, counters, |splat| {
                             let [column, row] =
@@ -247,7 +250,7 @@ impl Picture {
                                         (u64::from(place) * u64::from(count) / u64::from(edge)) as u32
                                     },
                                 );
-                            sums[(row * columns + column) as usize] += splat.radiance;
+                            sums[(row * columns + column) as usize] += splat.radiance / f64::from(IN_BLOCK);
                         });
                     }
                     sums
@@ -262,7 +265,7 @@ impl Picture {
             }
             cost += f64::from(choice.splats) * (COSTS.subpath + work.cost() / samples);
         }
-        // A batch has one light subpath for each sample, of as many as were chosen.
+        // Each sample of a batch has one light subpath, of as many as were chosen.
         let Allocation { splats, .. } = choice;
         let times = f64::from(splats);
         let means = moments.iter().zip(&splatted).map(|(camera, light)| camera.mean() + light.mean() * times);
@@ -359,19 +362,23 @@ impl Expected {
 
 /// What a pixel's camera samples see.
 fn camera_moments(prepared: &PreparedScene, tracer: &PathTracer<'_>, pixel: [u32; 2]) -> (Moments, Work) {
-    let settings = SamplerSettings { seed: 0, samples_per_block: SAMPLES };
+    let settings = SamplerSettings { seed: 0, samples_per_block: IN_BLOCK };
     Work::of(|counters| {
         let mut moments = Moments::default();
-        for sample in 0..SAMPLES {
-            let mut stream = SampleStream::new(&settings, NO_FRAME, pixel, sample);
-            let position = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + stream.next_2d();
-            moments.add(tracer.sample(prepared.scene().camera().ray(position), &mut stream, counters).radiance);
+        for block in 0..BLOCKS {
+            let mut sum = DVec3::ZERO;
+            for sample in block * IN_BLOCK..(block + 1) * IN_BLOCK {
+                let mut stream = SampleStream::new(&settings, NO_FRAME, pixel, sample);
+                let position = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + stream.next_2d();
+                sum += tracer.sample(prepared.scene().camera().ray(position), &mut stream, counters).radiance;
+            }
+            moments.add(sum / f64::from(IN_BLOCK));
         }
         moments
     })
 }
 
-/// Sums of [`SAMPLES`] values and of their squares.
+/// Sums of the means of [`BLOCKS`] blocks and of their squares.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
     sum: DVec3,
@@ -385,11 +392,13 @@ impl Moments {
     }
 
     fn mean(&self) -> DVec3 {
-        self.sum / f64::from(SAMPLES)
+        self.sum / f64::from(BLOCKS)
     }
 
+    /// Of a sample, as far as blocks tell.
     fn variance(&self) -> DVec3 {
-        let count = f64::from(SAMPLES);
-        ((self.squares - self.sum * self.sum / count) / (count - 1.0)).max(DVec3::ZERO)
+        let count = f64::from(BLOCKS);
+        let of_blocks = (self.squares - self.sum * self.sum / count) / (count - 1.0);
+        (of_blocks * f64::from(IN_BLOCK)).max(DVec3::ZERO)
     }
 }
