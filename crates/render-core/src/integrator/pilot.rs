@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3};
 use super::allocation::{Allocation, Sharing};
 use super::path::PathTracer;
 use super::prepared::PreparedScene;
-use crate::specular::looks::Looks;
+use crate::scene::looks::Looks;
 use crate::specular::settings::LightSubpaths;
 
 impl PreparedScene {
@@ -62,7 +62,7 @@ const NO_FRAME: u32 = u32::MAX;
 /// Another choice has to be better than the usual one by this factor, as far as the pilot can tell.
 const BETTER: f64 = 1.2;
 
-/// A picture whose mean is lower than that of the others by more than this, in squared standard errors, lacks light that
+/// A picture whose mean is lower than that of others by more than this, in squared standard errors, lacks light that
 /// it has not met so far.
 const SURE: f64 = 4.0;
 

@@ -18,6 +18,7 @@ mod direct_light;
 mod framing;
 pub mod hash;
 pub mod import;
+pub(crate) mod looks;
 pub mod media;
 pub mod memory;
 pub(crate) mod mesh;

@@ -19,10 +19,10 @@
 use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
 
+use super::looks::Looks;
 use crate::geometry::{Face, Pane};
 use crate::light::{Light, LightBounds, Source};
 use crate::math::Interval;
-use crate::specular::looks::Looks;
 
 /// Panes for which no memory is allocated.
 const USUAL_PANES: usize = 8;

@@ -32,7 +32,6 @@ pub mod fermat;
 pub mod fnee;
 pub mod light_tracing;
 mod light_view;
-pub(crate) mod looks;
 pub mod manifold;
 pub mod missing;
 pub mod mnee;

@@ -16,7 +16,6 @@
 
 use glam::{DVec2, DVec3};
 
-use super::looks::Looks;
 use super::{
     deflection::{DeflectionBounds, Detail, Ends, MirroredSource, Part, mirrored},
     direction_bounds::cap_bounds,
@@ -25,6 +24,7 @@ use super::{
 use crate::geometry::{SeenOutline, ShapeBounds};
 use crate::math::simd::{Instructions, LaneRects, Mask};
 use crate::math::{Interval, Rect};
+use crate::scene::looks::Looks;
 
 /// The places from which light may come, in the pane's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

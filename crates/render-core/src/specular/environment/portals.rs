@@ -12,7 +12,6 @@ use glam::{DVec2, DVec3};
 
 use super::super::Arrival;
 use super::super::light_view::{AimedRay, PaneAperture};
-use super::super::looks::Looks;
 use super::super::second_panes::SecondPanes;
 use super::super::side::PaneSide;
 use super::super::window::seen_face;
@@ -20,6 +19,7 @@ use crate::geometry::spherical_rectangle::SphericalRectangle;
 use crate::geometry::{Face, Pane, PaneBoundary, Ray, Surface, Widened};
 use crate::light::{Chosen, Cluster, EmissionCone, Light, LightTree, Receiver, Side, Source, with_finer_places};
 use crate::math::Rect;
+use crate::scene::looks::Looks;
 use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
