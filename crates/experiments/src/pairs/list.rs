@@ -283,7 +283,7 @@ pub const ALL: &[Pair] = &[
         light: "lamp, sky",
         glass: "pane, closed mesh",
         methods: &["light", "cone", "sms"],
-        halves: ["auto", "sms"],
+        halves: ["auto", "cone"],
         build: several,
         ..USUAL
     },
