@@ -66,6 +66,9 @@ const BETTER: f64 = 1.2;
 /// it has not met so far.
 const SURE: f64 = 4.0;
 
+/// So does one that has found less than this part of what the others have.
+const LITTLE: f64 = 0.5;
+
 /// As in the relative error of an image: this part of the mean, squared, is added to a pixel's square.
 const DARK: f64 = 0.01;
 
@@ -294,9 +297,13 @@ impl Picture {
             relative.map(|(variance, pixel)| (variance / (pixel * pixel + DARK * mean * mean)).element_sum());
         let mut relative = relative.sum::<f64>() / (3.0 * count);
         // What has found nothing has no variance either. What has found more has missed nothing.
-        let off = (mean - self.mean()).max(0.0);
+        let found = self.mean();
+        if found == 0.0 && pixels.iter().any(|pixel| *pixel != DVec3::ZERO) {
+            return f64::INFINITY;
+        }
+        let off = (mean - found).max(0.0);
         let off = off * off * f64::from(SAMPLES) * count;
-        if off > SURE * (squares + variance) {
+        if off > SURE * (squares + variance) || found < LITTLE * mean {
             squares += off;
             relative += off / (mean * mean);
         }
