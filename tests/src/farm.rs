@@ -280,6 +280,15 @@ impl Farm {
         peak_memory(self.coordinators[0].process.0.id()).expect("the system describes the coordinator")
     }
 
+    /// The most memory that the worker that was started as number `index` has had so far.
+    ///
+    /// # Panics
+    ///
+    /// When it has ended, or the system does not describe processes as Linux does.
+    pub fn worker_memory(&self, index: usize) -> PeakMemory {
+        peak_memory(self.workers[index].0.id()).expect("the system describes the worker")
+    }
+
     /// Kills the coordinator that was started as number `index`, as a power cut would.
     pub fn kill_coordinator(&mut self, index: usize) {
         self.coordinators[index].process.kill();

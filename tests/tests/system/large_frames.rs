@@ -76,6 +76,34 @@ fn a_light_plane_in_strips_has_the_bits_of_one_process() {
     assert_eq!(metadata(&together).counters, metadata(&alone).counters);
 }
 
+/// The bulb over a plate of glass, in a frame of 3840 x 2160 pixels: its light plane is four strips with two layers.
+fn bulb_over_glass() -> String {
+    let mut scene: serde_json::Value = serde_json::from_str(BULB).unwrap();
+    scene["film"] = serde_json::json!({"width": 3840, "height": 2160});
+    scene["materials"]["glass"] = serde_json::json!({"dielectric": {"index_of_refraction": 1.5}});
+    let plate = serde_json::json!({"name": "plate", "material": "glass", "source": {"inline": {
+        "positions": [[-0.1, -0.1, 0.5], [0.1, -0.1, 0.5], [0.1, 0.1, 0.5], [-0.1, 0.1, 0.5]],
+        "triangles": [[0, 1, 2], [0, 2, 3]]}}});
+    scene["meshes"].as_array_mut().unwrap().push(plate);
+    scene.to_string()
+}
+
+#[test]
+#[ignore = "takes two minutes; `tests/run garage` has it"]
+fn the_light_plane_of_a_large_frame_takes_the_memory_that_is_documented() {
+    let folder = TempDir::new().unwrap();
+    let scene = folder.path().join("bulb.json");
+    fs::write(&scene, bulb_over_glass()).unwrap();
+    let mut farm = farm(folder.path(), 16 * MEBIBYTE);
+    let mut submit = farm.command(&["submit", "--wait", "--spp", "4"]);
+    succeeded(submit.arg(&scene).arg("--output").arg(folder.path().join("large.exr")));
+    let coordinator = farm.coordinator_memory().resident;
+    let worker = (0..2).map(|worker| farm.worker_memory(worker).resident).max().unwrap();
+    println!("most memory: coordinator {} MiB, worker {} MiB", coordinator / MEBIBYTE, worker / MEBIBYTE);
+    assert!(worker < 1_500_000_000, "a worker had {worker} bytes");
+    assert!(coordinator < 2_100_000_000, "the coordinator had {coordinator} bytes");
+}
+
 #[test]
 fn strips_that_cut_tiles_leave_the_bits_as_they_are() {
     // Rows for one block at a time: 16, of tiles of 24.

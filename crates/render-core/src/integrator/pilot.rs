@@ -64,7 +64,7 @@ const BETTER: f64 = 1.2;
 
 /// A picture whose mean is lower than that of others by more than this, in squared standard errors, lacks light that
 /// it has not met so far.
-const SURE: f64 = 4.0;
+const SURE: f64 = 16.0;
 
 /// So does one that has found less than this part of what the others have.
 const LITTLE: f64 = 0.5;

@@ -34,7 +34,7 @@ const BEYOND: f64 = 0.1;
 const MOST_DEFECT: f64 = 0.99;
 
 /// Parts of a window that are looked at for folds.
-pub(super) const MOST_LOOKS: usize = 12;
+pub(super) const MOST_LOOKS: usize = 48;
 
 /// Where the defect of a whole window is above this, so few parts hardly ever have none.
 const HOPELESS: f64 = 8.0;

@@ -173,8 +173,8 @@ const COVERED: f64 = 0.7;
 
 /// A search has less noise than rays if a window is this many times as large as it would be behind flat glass: where
 /// each point of the light has one path at the most, and where it may have several. Measured behind crown and blown
-/// glass.
-const SEARCHED: [f64; 2] = [1.5, 8.0];
+/// glass, and through a rippled slab.
+const SEARCHED: [f64; 2] = [4.0, 10.0];
 
 /// Successive multiples of it, modulo 1, are the most evenly spread.
 pub(super) const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;

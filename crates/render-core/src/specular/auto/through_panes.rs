@@ -66,13 +66,14 @@ impl SpecularMethod for ThroughPanes {
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let random = stream.next_2d();
-        let view = LightView::new(scene, point, light, &Effort::beside_search(point), None, counters);
-        view.cast(random, counters, &mut |light_sample, _| arrive(light_sample.arrival));
         let (centre, radius) = scene.specular_ball();
         let source = &scene.lights()[light as usize];
+        // A window has rays or a search, and so both may have the same numbers.
+        let random = source.random(stream);
+        let sample = source.sample_source(centre, radius, random);
+        let view = LightView::new(scene, point, light, &Effort::beside_search(point), None, counters);
+        view.cast(random, counters, &mut |light_sample, _| arrive(light_sample.arrival));
         for SearchedWindow { pane, window, certificate } in view.searched() {
-            let sample = source.sample_source(centre, radius, source.random(stream));
             let Some(passage) = Passage::new(scene, point, light, &sample, *pane) else { continue };
             if let Some(root) = only_root(&passage, window, certificate, counters) {
                 if let Some(Found { arrival, .. }) = passage.found(&root, counters) {
