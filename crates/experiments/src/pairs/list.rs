@@ -23,9 +23,6 @@ const WITHOUT_GLASS: &[&str] = &["light", "path"];
 /// Halves where light subpaths find the light.
 const LIT_FORWARD: [&str; 2] = ["auto", "light"];
 
-/// Halves where walks and searches have next to no noise: one path leads from each point to the light.
-const FOUND_BY_SEARCH: [&str; 2] = ["sms", "fnee"];
-
 /// A pair like most others.
 const USUAL: Pair = Pair {
     name: "",
@@ -151,7 +148,7 @@ pub const ALL: &[Pair] = &[
         glass: "smooth",
         is_required: true,
         is_square: true,
-        halves: FOUND_BY_SEARCH,
+        halves: ["auto", "sms"],
         build: changed!(SLAB),
         ..USUAL
     },

@@ -178,13 +178,20 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
         return Vec::new();
     }
     let scene = prepared.scene();
-    // Some of the light of points is found by light subpaths alone, and some by methods alone.
+    // Of points, connections find what is mirrored within panes and is seen through glass, and no chance does.
     let has_points = !scene.panes().is_empty() && scene.lights().iter().any(|light| light.is_delta());
     let usual = Allocation::USUAL;
+    // Light subpaths do not go through specular meshes.
+    let is_open = !scene.meshes().iter().any(|mesh| mesh.is_specular());
     match (grid.has_light_plane, has_points) {
         (true, true) => {
             let mut choices: Vec<_> = [usual.splats, SOME, MANY].map(|splats| Allocation { splats, ..usual }).into();
             choices.push(Allocation { sharing: Sharing::Chance, ..usual });
+            // Nor through thin walls, behind which no method looks for light then.
+            if is_open && !scene.has_straight_meshes() {
+                choices
+                    .extend([SOME, MANY].map(|splats| Allocation { is_connected: true, ..Allocation::alone(splats) }));
+            }
             choices
         }
         (true, false) => {
@@ -197,8 +204,7 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
             };
             let mut choices = vec![usual, least];
             choices.extend([SOME, MANY].map(|splats| Allocation { splats, ..unconnected }));
-            // Light subpaths do not go through specular meshes.
-            if !scene.meshes().iter().any(|mesh| mesh.is_specular()) {
+            if is_open {
                 choices.extend([SOME, MANY].map(Allocation::alone));
             }
             choices

@@ -302,6 +302,10 @@ impl PathTracer<'_> {
         if !(distance > 0.0 && cosines[0].min(cosines[1]) > 0.0) {
             return DVec3::ZERO;
         }
+        let by_light = lobe.by_light(direction);
+        if self.light_plane.has_all(by_light) {
+            return DVec3::ZERO;
+        }
         let scattered = lobe.eval(direction);
         if scattered == DVec3::ZERO {
             return DVec3::ZERO;
@@ -314,7 +318,6 @@ impl PathTracer<'_> {
         if self.scene.blocked_from_triangle(&ray, distance, point.surface, vertex.triangle, counters) {
             return DVec3::ZERO;
         }
-        let by_light = lobe.by_light(direction);
         let bounces = point.bounces + number as u32 + 1;
         let Some(by_camera) = self.by_camera(subpath, number, -direction, bounces, counters) else {
             return DVec3::ZERO;

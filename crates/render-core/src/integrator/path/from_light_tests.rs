@@ -142,6 +142,15 @@ fn light_that_is_traced_forward_alone_lights_a_room_alike() {
 }
 
 #[test]
+fn light_of_points_that_is_traced_forward_alone_lights_a_room_alike() {
+    let spark = json!({"point": {"name": "spark", "position": [4, -1, 2], "intensity": [9, 9, 9]}});
+    let alone = Allocation { is_connected: true, ..Allocation::alone(4) };
+    let room = room(&json!([spark]), 1);
+    let [found, expected] = [see_with(&room, "auto", alone), see(&room, "auto")];
+    compare_seen(&found, &expected, "traced forward alone", 0.0);
+}
+
+#[test]
 fn light_straight_through_thin_walls_lights_a_room_alike() {
     let sun = json!({"sun": {"name": "sun", "direction": [1, -0.3, 0.7], "angular_radius": 3, "radiance": [9, 9, 9]}});
     let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.3, "radiance": [9, 9, 9]}});

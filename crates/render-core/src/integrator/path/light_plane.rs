@@ -26,4 +26,9 @@ impl LightPlane {
         let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);
         Self { subpaths, shared_by: if is_alone { ALL } else { subpaths }, is_alone }
     }
+
+    /// Whether other techniques have no share in a path, of which light subpaths find this.
+    pub(super) fn has_all(&self, by_light: f64) -> bool {
+        self.is_alone && by_light > 0.0
+    }
 }

@@ -349,6 +349,10 @@ fn shares_sum_to_one_where_a_search_finds_the_light() {
         assert!(found.kinds[1] > 100 && found.kinds[2] > 0, "{found:?}");
         assert!(found.smallest < 0.9, "{found:?}");
     }
+    // Light subpaths have all that they find.
+    let alone = Allocation { is_connected: true, ..Allocation::alone(4) };
+    let found = check(&gentle(&json!([candle, inside])), 1, true, alone);
+    assert!(found.kinds[1] > 100 && found.kinds[2] > 0 && found.smallest > 0.999, "{found:?}");
     // Many paths are the method's alone, and some are shared with chance.
     let by_chance = Allocation { sharing: Sharing::Chance, ..Allocation::USUAL };
     for lights in [json!([sun, lamp]), json!([candle, star, sun])] {
