@@ -89,7 +89,7 @@ fn bulb_over_glass() -> String {
 }
 
 #[test]
-#[ignore = "takes two minutes; `tests/run garage` has it"]
+#[ignore = "takes minutes; `tests/run long` has it"]
 fn the_light_plane_of_a_large_frame_takes_the_memory_that_is_documented() {
     let folder = TempDir::new().unwrap();
     let scene = folder.path().join("bulb.json");
