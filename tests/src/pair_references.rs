@@ -1,5 +1,5 @@
-//! References of pairs of scenes and lights: two halves by two methods, which the bias test compares. `auto` has its
-//! usual effort, with all techniques, whatever a pilot would choose.
+//! References of pairs of scenes and lights: two halves by two methods, which the bias test compares. Beside light
+//! tracing, `auto` has its usual effort, with all techniques: a pilot may choose what `light` does.
 //!
 //! Each half has 32 independently seeded replicates with the same number of passes. The reference is the mean of both
 //! halves, weighted by the inverse of their mean squared errors.
@@ -56,8 +56,8 @@ pub fn store(
     let total: f64 = core_seconds.iter().sum();
     let part = core_seconds[0] / total;
     let halves = [
-        half(&bundle, first, SEED, core_seconds[0], |done| told(part * done))?,
-        half(&bundle, second, 2 * SEED, core_seconds[1], |done| told(part + (1.0 - part) * done))?,
+        half(&bundle, [first, second], SEED, core_seconds[0], |done| told(part * done))?,
+        half(&bundle, [second, first], 2 * SEED, core_seconds[1], |done| told(part + (1.0 - part) * done))?,
     ];
     let references = halves.each_ref().map(|half| Reference::from_batches(&half.replicates));
     let report = compare(&halves[1].replicates, &references[0], &[], EDGE);
@@ -86,17 +86,20 @@ pub fn store(
     Ok(record)
 }
 
-/// Renders a half on all cores.
+/// Renders a half by one method, beside another, on all cores.
 fn half(
     bundle: &SceneBundle,
-    method: &str,
+    [method, other]: [&str; 2],
     seed: u64,
     core_seconds: f64,
     mut told: impl FnMut(f64),
 ) -> Result<Half, Failure> {
     let threads = rayon::current_num_threads();
-    // A pilot may choose for `auto` what `light` does, and both halves would be one method.
-    let mut scene = PreparedScene::build(&rendered_by(bundle, method, seed)?)?.without_pilot();
+    let mut scene = PreparedScene::build(&rendered_by(bundle, method, seed)?)?;
+    if other == "light" {
+        // A pilot may choose for `auto` what `light` does, and both halves would be one method.
+        scene = scene.without_pilot();
+    }
     let passes = {
         let mut pilot = Rendering::new(&scene);
         let clocks = Clocks::now();
