@@ -15,6 +15,7 @@
 //!   where `requests` end;
 //! - [`system_calls`]: what such a process did, call by call, and whether what it acknowledged was on disk;
 //! - [`large_frame`]: frames that are larger than a coordinator's memory, and [`cgroup`]: limits on that;
+//! - [`peak_memory`]: the most that a process has had;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
@@ -71,6 +72,7 @@ pub mod pair_references;
 pub mod pane_mesh;
 pub mod pane_scene;
 pub mod parity;
+pub mod peak_memory;
 pub mod pixel_digests;
 pub mod polarised_light;
 pub mod pool;

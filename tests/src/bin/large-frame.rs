@@ -10,8 +10,9 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use clerestory_api::{JobId, PreviewQuery};
 use clerestory_tests::cgroup::MemoryGroup;
-use clerestory_tests::farm::{Farm, peak_memory};
+use clerestory_tests::farm::Farm;
 use clerestory_tests::large_frame::{self, OPTIONS, PIXEL_BYTES};
+use clerestory_tests::peak_memory::peak_memory;
 use clerestory_tests::random::Random;
 
 /// Renders a large frame with all layers on a farm whose coordinator may have little memory, and checks the image.

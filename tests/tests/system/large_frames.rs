@@ -6,9 +6,10 @@
 use std::fs;
 use std::path::Path;
 
-use clerestory_tests::farm::{Farm, PeakMemory, succeeded};
+use clerestory_tests::farm::{Farm, succeeded};
 use clerestory_tests::large_frame::{self, OPTIONS, PASSES, PIXEL_BYTES};
 use clerestory_tests::made_images::{assert_same_bits, metadata, rendered_alone, rendered_by};
+use clerestory_tests::peak_memory::PeakMemory;
 use tempfile::TempDir;
 
 const MEBIBYTE: u64 = 1 << 20;
@@ -94,7 +95,7 @@ fn the_light_plane_of_a_large_frame_takes_the_memory_that_is_documented() {
     let folder = TempDir::new().unwrap();
     let scene = folder.path().join("bulb.json");
     fs::write(&scene, bulb_over_glass()).unwrap();
-    let mut farm = farm(folder.path(), 16 * MEBIBYTE);
+    let farm = farm(folder.path(), 16 * MEBIBYTE);
     let mut submit = farm.command(&["submit", "--wait", "--spp", "4"]);
     succeeded(submit.arg(&scene).arg("--output").arg(folder.path().join("large.exr")));
     let coordinator = farm.coordinator_memory().resident;

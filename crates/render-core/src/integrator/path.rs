@@ -37,6 +37,7 @@ use crate::document::{FilterState, PathEvent, PathFilter};
 use crate::geometry::{Face, Hit, PaneBoundary, Ray, Surface, SurfaceId};
 use crate::light::{LightHit, Receiver, Side, Source};
 use crate::math::absorption;
+use crate::scene::looks::Looks;
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
 use crate::specular::side::unit_normal;
@@ -373,6 +374,7 @@ impl<'a> PathTracer<'a> {
             }
             let carried = walk.throughput * scale;
             let bounces = walk.stretch.from.map_or(0, |from| from.point.bounces + 1);
+            Looks::count(|looks| looks.vertices += 1);
             let here = ShadingPoint { position, normal: at.normals.facing(incident), surface: ray_origin, bounces };
             let side = if bsdf.transmits() { Side::Both(here.normal) } else { Side::Front(here.normal) };
             let receiver = Receiver { position, side };

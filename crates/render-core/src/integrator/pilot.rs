@@ -13,6 +13,7 @@ use glam::{DVec2, DVec3};
 use super::allocation::{Allocation, Sharing};
 use super::path::PathTracer;
 use super::prepared::PreparedScene;
+use crate::scene::Scene;
 use crate::scene::looks::Looks;
 use crate::specular::settings::LightSubpaths;
 
@@ -41,7 +42,7 @@ impl PreparedScene {
 const MANY: u32 = 16;
 const SOME: u32 = 4;
 
-/// Pixels of the pilot's pictures, about: of those that tell what a sample costs, and the most.
+/// Pixels of the pilot's pictures, about: of those that tell what a sample costs, and the most that follow.
 const PIXELS: [f64; 2] = [16.0, 150.0];
 
 /// Blocks of samples of each pixel, and batches of light subpaths. Samples of a block are stratified, as those of an
@@ -72,22 +73,17 @@ const LITTLE: f64 = 0.5;
 /// As in the relative error of an image: this part of the mean, squared, is added to a pixel's square.
 const DARK: f64 = 0.01;
 
-/// What work takes, in microseconds, about: a fit to the times of 31 scenes, most of which it tells within a factor of
-/// 1.6.
-const COSTS: Costs = Costs {
-    sample: 1.0,
-    subpath: 0.5,
-    ray: 1.2,
-    height_evaluation: 0.15,
-    solver_call: 2.4,
-    window: 6.5,
-    node: 0.1,
-    portal: 1.5,
-};
+/// What work takes, in microseconds, about: a fit to the times of 16 scenes with three choices each, most of which it
+/// tells within a factor of 1.4.
+const COSTS: Costs =
+    Costs { vertex: 0.15, ray: 0.38, height_evaluation: 0.22, solver_call: 3.4, window: 4.5, node: 0.16, portal: 1.8 };
+
+/// Panes count as so many triangles.
+const TRIANGLES_OF_PANE: usize = 4;
 
 struct Costs {
-    sample: f64,
-    subpath: f64,
+    /// For each doubling of the number of triangles: what is there is the farther away in memory.
+    vertex: f64,
     ray: f64,
     height_evaluation: f64,
     solver_call: f64,
@@ -112,9 +108,12 @@ impl Work {
     }
 
     /// In microseconds, about.
-    fn cost(&self) -> f64 {
+    fn cost(&self, scene: &Scene) -> f64 {
         let Self { counters, looks } = self;
-        COSTS.ray * counters.rays as f64
+        let triangles: usize = scene.meshes().iter().map(|mesh| mesh.triangle_range().len()).sum();
+        let triangles = triangles + TRIANGLES_OF_PANE * scene.panes().len();
+        COSTS.vertex * libm::log2(triangles.max(2) as f64) * looks.vertices as f64
+            + COSTS.ray * counters.rays as f64
             + COSTS.height_evaluation * counters.height_evaluations as f64
             + COSTS.solver_call * counters.solver_calls as f64
             + COSTS.window * looks.windows as f64
@@ -139,22 +138,21 @@ fn allocate(prepared: &PreparedScene) -> Allocation {
         [only] => return *only,
         [usual, ..] => *usual,
     };
-    let pictures = |choices: &[Allocation], pixels: f64| -> Vec<Picture> {
-        choices.iter().map(|choice| Picture::new(prepared, grid, *choice, pixels)).collect()
-    };
     let [few, most] = PIXELS;
-    let small = pictures(choices, few);
+    let small: Vec<Picture> = choices.iter().map(|choice| Picture::new(prepared, grid, *choice, (few, 0))).collect();
     let noise_of_small = noise(&small);
     let least = noise_of_small.iter().copied().fold(f64::INFINITY, f64::min);
-    let hopeful = (0..choices.len()).filter(|choice| noise_of_small[*choice] <= least * HOPELESS * HOPELESS);
-    let (hopeful, costs): (Vec<Allocation>, Vec<f64>) =
-        hopeful.map(|choice| (choices[choice], small[choice].cost)).unzip();
-    let pixels = (BUDGET / (f64::from(SAMPLES) * costs.iter().sum::<f64>())).min(most);
-    if hopeful.len() > 1 && pixels > few {
-        best(usual, &hopeful, &noise(&pictures(&hopeful, pixels)))
-    } else {
-        best(usual, choices, &noise_of_small)
+    let hopeful = small.into_iter().zip(choices).zip(&noise_of_small);
+    let hopeful = hopeful.filter(|(_, noise)| **noise <= least * HOPELESS * HOPELESS).map(|(choice, _)| choice);
+    let (small, hopeful): (Vec<Picture>, Vec<Allocation>) = hopeful.unzip();
+    let cost: f64 = small.iter().map(|picture| picture.cost).sum();
+    let pixels = (BUDGET / (f64::from(SAMPLES) * cost)).min(most);
+    if hopeful.len() < 2 || pixels < 0.5 * few {
+        return best(usual, choices, &noise_of_small);
     }
+    let more = |(small, choice): (Picture, &Allocation)| small.and(Picture::new(prepared, grid, *choice, (pixels, 1)));
+    let pictures: Vec<Picture> = small.into_iter().zip(&hopeful).map(more).collect();
+    best(usual, &hopeful, &noise(&pictures))
 }
 
 /// The choice with the least noise, as far as it is sure that it has less than the usual one.
@@ -226,7 +224,8 @@ struct Picture {
 }
 
 impl Picture {
-    fn new(prepared: &PreparedScene, grid: &TileGrid, choice: Allocation, about: f64) -> Self {
+    /// A picture of about so many pixels, with random numbers of its own for each `number`.
+    fn new(prepared: &PreparedScene, grid: &TileGrid, choice: Allocation, (about, number): (f64, u32)) -> Self {
         let tracer = PathTracer::with(prepared, grid, choice);
         let (width, height) = (f64::from(grid.width), f64::from(grid.height));
         let scale = (about / (width * height)).sqrt().min(1.0);
@@ -235,7 +234,7 @@ impl Picture {
         let seen = on_all_cores(pixels, |pixel| {
             let [x, y] = [(pixel % columns, columns, width), (pixel / columns, rows, height)]
                 .map(|(index, count, edge)| ((f64::from(index) + 0.5) * edge / f64::from(count)) as u32);
-            camera_moments(prepared, &tracer, [x, y])
+            camera_moments(prepared, &tracer, [x, y], number)
         });
         let mut work = Work::default();
         let mut moments: Vec<Moments> = Vec::with_capacity(pixels as usize);
@@ -244,14 +243,15 @@ impl Picture {
             moments.push(of_pixel);
         }
         let samples = f64::from(pixels * SAMPLES);
-        let mut cost = COSTS.sample + work.cost() / samples;
+        let mut cost = work.cost(prepared.scene()) / samples;
         let mut splatted = vec![Moments::default(); pixels as usize];
         if choice.splats > 0 {
             let batches = on_all_cores(BLOCKS, |batch| {
                 Work::of(|counters| {
                     let mut sums = vec![DVec3::ZERO; pixels as usize];
-                    for number in 0..pixels * IN_BLOCK {
-                        let mut stream = SampleStream::of_light(0, NO_FRAME, batch, number.into());
+                    for subpath in 0..pixels * IN_BLOCK {
+                        let pass = number * BLOCKS + batch;
+                        let mut stream = SampleStream::of_light(0, NO_FRAME, pass, subpath.into());
                         tracer.splat(&mut stream, counters, |splat| {
                             let [column, row] =
                                 [(splat.pixel[0], columns, grid.width), (splat.pixel[1], rows, grid.height)].map(
@@ -272,7 +272,7 @@ impl Picture {
                     moments.add(sum);
                 }
             }
-            cost += f64::from(choice.splats) * (COSTS.subpath + work.cost() / samples);
+            cost += f64::from(choice.splats) * work.cost(prepared.scene()) / samples;
         }
         // Each sample of a batch has one light subpath, of as many as were chosen.
         let Allocation { splats, .. } = choice;
@@ -281,6 +281,15 @@ impl Picture {
         let variances =
             moments.iter().zip(&splatted).map(|(camera, light)| camera.variance() + light.variance() * times);
         Self { means: means.collect(), variances: variances.collect(), cost, splats }
+    }
+
+    /// Both pictures, as one.
+    fn and(mut self, other: Self) -> Self {
+        let [here, there] = [self.means.len(), other.means.len()].map(|count| count as f64);
+        self.cost = (here * self.cost + there * other.cost) / (here + there);
+        self.means.extend(other.means);
+        self.variances.extend(other.variances);
+        self
     }
 
     /// Of all pixels and channels.
@@ -374,8 +383,8 @@ impl Expected {
 }
 
 /// What a pixel's camera samples see.
-fn camera_moments(prepared: &PreparedScene, tracer: &PathTracer<'_>, pixel: [u32; 2]) -> (Moments, Work) {
-    let settings = SamplerSettings { seed: 0, samples_per_block: IN_BLOCK };
+fn camera_moments(prepared: &PreparedScene, tracer: &PathTracer<'_>, pixel: [u32; 2], number: u32) -> (Moments, Work) {
+    let settings = SamplerSettings { seed: number.into(), samples_per_block: IN_BLOCK };
     Work::of(|counters| {
         let mut moments = Moments::default();
         for block in 0..BLOCKS {

@@ -9,6 +9,8 @@ use std::ops::{AddAssign, Sub};
 /// How often.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Looks {
+    /// Vertices at which a path is scattered into a solid angle.
+    pub(crate) vertices: u64,
     /// Rounds in which a window was narrowed.
     pub(crate) windows: u64,
     /// Nodes of trees over panes.
@@ -18,7 +20,7 @@ pub(crate) struct Looks {
 }
 
 thread_local! {
-    static LOOKS: Cell<Looks> = const { Cell::new(Looks { windows: 0, nodes: 0, portals: 0 }) };
+    static LOOKS: Cell<Looks> = const { Cell::new(Looks { vertices: 0, windows: 0, nodes: 0, portals: 0 }) };
 }
 
 impl Looks {
@@ -37,6 +39,7 @@ impl Looks {
 
 impl AddAssign for Looks {
     fn add_assign(&mut self, other: Self) {
+        self.vertices += other.vertices;
         self.windows += other.windows;
         self.nodes += other.nodes;
         self.portals += other.portals;
@@ -48,6 +51,7 @@ impl Sub for Looks {
 
     fn sub(self, earlier: Self) -> Self {
         Self {
+            vertices: self.vertices - earlier.vertices,
             windows: self.windows - earlier.windows,
             nodes: self.nodes - earlier.nodes,
             portals: self.portals - earlier.portals,

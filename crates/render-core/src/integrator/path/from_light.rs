@@ -23,6 +23,7 @@ use crate::integrator::light_subpaths::{Edge, FromCamera, FromLight, On, PlaceOn
 use crate::light::{LightHit, Receiver, Side};
 use crate::math::absorption;
 use crate::scene::ShadingPoint;
+use crate::scene::looks::Looks;
 use crate::specular::scope::MOST_SPECULAR_VERTICES;
 use crate::specular::{Arrival, Link, SpecularPath};
 use clerestory_film::SampleStream;
@@ -167,6 +168,7 @@ impl PathTracer<'_> {
             }
         };
         let weight = subpath.start.weight * walk.throughput / cosine;
+        Looks::count(|looks| looks.vertices += 1);
         subpath.vertices.push(LightVertex {
             bsdf,
             at,
