@@ -281,7 +281,7 @@ impl Farm {
         peak_memory(self.coordinators[0].process.0.id()).expect("the system describes the coordinator")
     }
 
-    /// The most memory that the worker that was started as number `index` has had so far.
+    /// The most memory so far of the worker that was started as number `index`.
     ///
     /// # Panics
     ///

@@ -78,7 +78,7 @@ const DARK: f64 = 0.01;
 const COSTS: Costs =
     Costs { vertex: 0.15, ray: 0.38, height_evaluation: 0.22, solver_call: 3.4, window: 4.5, node: 0.16, portal: 1.8 };
 
-/// Panes count as so many triangles.
+/// A pane counts as this number of triangles.
 const TRIANGLES_OF_PANE: usize = 4;
 
 struct Costs {
@@ -224,7 +224,7 @@ struct Picture {
 }
 
 impl Picture {
-    /// A picture of about so many pixels, with random numbers of its own for each `number`.
+    /// A picture of `about` this number of pixels. Each `number` has random numbers of its own.
     fn new(prepared: &PreparedScene, grid: &TileGrid, choice: Allocation, (about, number): (f64, u32)) -> Self {
         let tracer = PathTracer::with(prepared, grid, choice);
         let (width, height) = (f64::from(grid.width), f64::from(grid.height));

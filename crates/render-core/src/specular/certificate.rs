@@ -50,7 +50,7 @@ pub(super) enum Certificate {
 }
 
 impl Certificate {
-    /// For a window, around all of a light; `None` where nothing is certain. It looks for folds at so many parts of the
+    /// For a window, around all of a light; `None` where nothing is certain. It looks for folds at `looks` parts of the
     /// window, [`MOST_LOOKS`] at the most, and with 0 only for certainty of one path.
     pub(super) fn new(
         window: &Window<'_>,
