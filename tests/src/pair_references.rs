@@ -102,11 +102,13 @@ fn half(
     }
     let passes = {
         let mut pilot = Rendering::new(&scene);
+        // `auto` chooses before its first pass, once for all replicates.
+        pilot.render_pass()?;
         let clocks = Clocks::now();
-        while pilot.passes() == 0 || clocks.spent(threads).core.as_secs_f64() < PILOT * core_seconds {
+        while pilot.passes() == 1 || clocks.spent(threads).core.as_secs_f64() < PILOT * core_seconds {
             pilot.render_pass()?;
         }
-        let each = clocks.spent(threads).core.as_secs_f64() / f64::from(pilot.passes());
+        let each = clocks.spent(threads).core.as_secs_f64() / f64::from(pilot.passes() - 1);
         (core_seconds / each / REPLICATES as f64).round().max(1.0) as u32
     };
     let clocks = Clocks::now();
