@@ -10,7 +10,7 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings, TileGrid};
 use glam::{DVec2, DVec3};
 
-use super::allocation::{Allocation, Sharing};
+use super::allocation::{Allocation, Sharing, Splats};
 use super::path::PathTracer;
 use super::prepared::PreparedScene;
 use crate::scene::Scene;
@@ -183,7 +183,8 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
     let is_open = !scene.meshes().iter().any(|mesh| mesh.is_specular());
     match (grid.has_light_plane, has_points) {
         (true, true) => {
-            let mut choices: Vec<_> = [usual.splats, SOME, MANY].map(|splats| Allocation { splats, ..usual }).into();
+            let numbers = [usual.splats, Splats::each(SOME), Splats::each(MANY)];
+            let mut choices: Vec<_> = numbers.map(|splats| Allocation { splats, ..usual }).into();
             choices.push(Allocation { sharing: Sharing::Chance, ..usual });
             // Nor through thin walls, behind which no method looks for light then.
             if is_open && !scene.has_straight_meshes() {
@@ -198,10 +199,10 @@ fn choices(prepared: &PreparedScene, grid: &TileGrid) -> Vec<Allocation> {
             let least = if scene.panes().is_empty() {
                 Allocation::NONE
             } else {
-                Allocation { sharing: Sharing::Chance, ..unconnected }
+                Allocation { splats: Splats::FEW, is_connected: false, sharing: Sharing::Chance }
             };
             let mut choices = vec![usual, least];
-            choices.extend([SOME, MANY].map(|splats| Allocation { splats, ..unconnected }));
+            choices.extend([SOME, MANY].map(|number| Allocation { splats: Splats::each(number), ..unconnected }));
             if is_open {
                 choices.extend([SOME, MANY].map(Allocation::alone));
             }
@@ -220,7 +221,7 @@ struct Picture {
     variances: Vec<DVec3>,
     /// Of a sample, microseconds.
     cost: f64,
-    splats: u32,
+    splats: Splats,
 }
 
 impl Picture {
@@ -245,7 +246,7 @@ impl Picture {
         let samples = f64::from(pixels * SAMPLES);
         let mut cost = work.cost(prepared.scene()) / samples;
         let mut splatted = vec![Moments::default(); pixels as usize];
-        if choice.splats > 0 {
+        if !choice.splats.is_none() {
             let batches = on_all_cores(BLOCKS, |batch| {
                 Work::of(|counters| {
                     let mut sums = vec![DVec3::ZERO; pixels as usize];
@@ -272,11 +273,11 @@ impl Picture {
                     moments.add(sum);
                 }
             }
-            cost += f64::from(choice.splats) * work.cost(prepared.scene()) / samples;
+            cost += choice.splats.ratio() * work.cost(prepared.scene()) / samples;
         }
         // Each sample of a batch has one light subpath, of as many as were chosen.
         let Allocation { splats, .. } = choice;
-        let times = f64::from(splats);
+        let times = splats.ratio();
         let means = moments.iter().zip(&splatted).map(|(camera, light)| camera.mean() + light.mean() * times);
         let variances =
             moments.iter().zip(&splatted).map(|(camera, light)| camera.variance() + light.variance() * times);

@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::allocation::Splats;
 use super::light_pass::LightPass;
 use super::path::{PathSample, PathTracer};
 use super::prepared::PreparedScene;
@@ -110,7 +111,7 @@ struct Renderer<'a> {
     sampling: Sampling,
     sampler: SamplerSettings,
     /// Light subpaths for each sample of the light plane.
-    splatted: u32,
+    splatted: Splats,
     cancelled: &'a AtomicBool,
 }
 
@@ -161,7 +162,9 @@ impl Renderer<'_> {
         };
         let samples = |pixels: u64| pixels * u64::from(self.sampling.samples_per_pass());
         let whole = u64::from(self.grid.width) * u64::from(self.grid.height);
-        let subpaths = samples(whole).saturating_mul(self.splatted.into());
+        let subpaths = self.splatted.of(samples(whole));
+        // Splats are those of as many subpaths as the ratio says, of which there is no part of one.
+        let rounding = self.splatted.ratio() * samples(whole) as f64 / subpaths.max(1) as f64;
         let (splats, counters) = plane.splats(address.frame, address.passes().first, subpaths);
         if self.cancelled.load(Ordering::Relaxed) {
             return Err(RenderError::Cancelled);
@@ -169,7 +172,9 @@ impl Renderer<'_> {
         let strips = self.grid.light_tiles();
         let leaf = |&(index, tile): &(u32, Tile)| {
             let begin = (tile.y - first.y) as usize * tile.width as usize;
-            let of_strip = |sums: &[DVec3]| sums[begin..begin + tile.pixels()].to_vec();
+            let of_strip = |sums: &[DVec3]| -> Vec<DVec3> {
+                sums[begin..begin + tile.pixels()].iter().map(|sum| *sum * rounding).collect()
+            };
             let caustic = splats.caustic.as_deref().map(of_strip);
             let sums = PassSums { beauty: of_strip(&splats.all), caustic, first_hit: None };
             let address = NodeAddress { tile: index, ..address };

@@ -305,7 +305,8 @@ impl PathTracer<'_> {
             return DVec3::ZERO;
         }
         let by_light = lobe.by_light(direction);
-        if self.light_plane.has_all(by_light) {
+        // Where methods are not asked, light subpaths of the light plane have all that they find.
+        if !walk.asks_methods && by_light > 0.0 {
             return DVec3::ZERO;
         }
         let scattered = lobe.eval(direction);
@@ -321,7 +322,8 @@ impl PathTracer<'_> {
             return DVec3::ZERO;
         }
         let bounces = point.bounces + number as u32 + 1;
-        let Some(by_camera) = self.by_camera(subpath, number, -direction, bounces, counters) else {
+        let by_camera = self.by_camera(subpath, number, -direction, (bounces, walk.asks_methods), counters);
+        let Some(by_camera) = by_camera else {
             return DVec3::ZERO;
         };
         let share = connection_share(
@@ -334,13 +336,13 @@ impl PathTracer<'_> {
 
     /// What other techniques find of the path from a vertex of a light subpath to the light, if it goes on from there
     /// towards the camera; `None` where what finds the light shares it with none. `bounces` are those of the vertex
-    /// next to the light.
+    /// next to the light, and `asks_methods` says whether methods look for light at the vertices of that camera's path.
     pub(super) fn by_camera(
         &self,
         subpath: &OneSubpath<'_>,
         number: usize,
         towards_camera: DVec3,
-        bounces: u32,
+        (bounces, asks_methods): (u32, bool),
         counters: &mut Counters,
     ) -> Option<f64> {
         let first = &subpath.vertices[0];
@@ -348,7 +350,7 @@ impl PathTracer<'_> {
             if index == number { vertex.of_camera(towards_camera) } else { vertex.of_camera }
         };
         let outgoing = if number == 0 { towards_camera } else { first.outgoing };
-        let found = self.found_by(subpath, outgoing, bounces, counters);
+        let found = self.found_by(subpath, outgoing, (bounces, asks_methods), counters);
         let mut sum = match found {
             FoundBy::MethodAlone => return None,
             FoundBy::Method(density) => density / subpath.density,
@@ -375,7 +377,7 @@ impl PathTracer<'_> {
         &self,
         subpath: &OneSubpath<'_>,
         towards_camera: DVec3,
-        bounces: u32,
+        (bounces, asks_methods): (u32, bool),
         counters: &mut Counters,
     ) -> FoundBy {
         let first = &subpath.vertices[0];
@@ -393,7 +395,7 @@ impl PathTracer<'_> {
         let is_point = self.scene.lights()[subpath.start.light as usize].is_delta();
         let by_chance = if is_point { FoundBy::Nothing } else { FoundBy::Chance };
         // Light from behind is left to chance, whatever the method finds in front.
-        if self.light_plane.is_alone || !gathers_behind && first.incident.dot(normal) >= 0.0 {
+        if !asks_methods || !gathers_behind && first.incident.dot(normal) >= 0.0 {
             return by_chance;
         }
         let surface = SurfaceId::Triangle(first.triangle);

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::tests::{EDGE, prepared, sums_of};
 use super::weight_tests::{glazed_room, room};
-use crate::integrator::allocation::{Allocation, Sharing};
+use crate::integrator::allocation::{Allocation, Sharing, Splats};
 use crate::scene::Assets;
 
 /// Pictures of each kind, with seeds of their own.
@@ -191,4 +191,26 @@ fn methods_look_for_light_in_a_mirror_when_the_rest_is_traced_forward() {
     room["path_filter"] = json!("R* D+ T T L");
     let [found, expected] = [see_with(&room, "auto", Allocation::alone(8)), see(&room, "cone")];
     compare_seen(&found, &expected, "traced forward alone", 1.0);
+}
+
+#[test]
+fn light_of_points_that_is_traced_forward_alone_lights_a_room_alike_behind_glass() {
+    let spark = json!({"point": {"name": "spark", "position": [4, -1, 2], "intensity": [9, 9, 9]}});
+    let mut room = room(&json!([spark]), 1);
+    // The camera looks into the room through the pane.
+    room["camera"] = json!({"perspective": {
+        "position": [3.2, 0.2, 1.5], "look_at": [-1, -0.3, 1.2], "up": [0, 0, 1], "vertical_field_of_view": 30}});
+    room["path_filter"] = json!("T T D+ (R|T)* L");
+    let alone = Allocation { is_connected: true, ..Allocation::alone(4) };
+    let [found, expected] = [see_with(&room, "auto", alone), see(&room, "fnee")];
+    compare_seen(&found, &expected, "traced forward alone, seen through glass", 0.0);
+}
+
+#[test]
+fn few_light_subpaths_light_a_room_alike() {
+    let lamp = json!({"sphere": {"name": "lamp", "centre": [4, -1, 2], "radius": 0.3, "radiance": [9, 9, 9]}});
+    let few = Allocation { splats: Splats::FEW, is_connected: false, sharing: Sharing::Chance };
+    let room = room(&json!([lamp]), 1);
+    let [found, expected] = [see_with(&room, "auto", few), see(&room, "cone")];
+    compare_seen(&found, &expected, "few light subpaths", 0.0);
 }

@@ -2,7 +2,7 @@
 
 use clerestory_film::TileGrid;
 
-use crate::integrator::allocation::{Allocation, Sharing};
+use crate::integrator::allocation::{Allocation, Sharing, Splats};
 
 /// Light subpaths of the light plane, as the weights of techniques see them.
 #[derive(Clone, Copy, Debug)]
@@ -21,14 +21,9 @@ const ALL: f64 = 1e100;
 impl LightPlane {
     /// With the light subpaths of an allocation.
     pub(super) fn new(allocation: &Allocation, grid: &TileGrid) -> Self {
-        let for_each = if grid.has_light_plane { allocation.splats } else { 0 };
-        let is_alone = allocation.sharing == Sharing::None && for_each > 0;
-        let subpaths = f64::from(for_each) * f64::from(grid.width) * f64::from(grid.height);
+        let for_each = if grid.has_light_plane { allocation.splats } else { Splats::NONE };
+        let is_alone = allocation.sharing == Sharing::None && !for_each.is_none();
+        let subpaths = for_each.ratio() * f64::from(grid.width) * f64::from(grid.height);
         Self { subpaths, shared_by: if is_alone { ALL } else { subpaths }, is_alone }
-    }
-
-    /// Whether other techniques have no share in a path, of which light subpaths find this.
-    pub(super) fn has_all(&self, by_light: f64) -> bool {
-        self.is_alone && by_light > 0.0
     }
 }

@@ -61,7 +61,8 @@ impl PathTracer<'_> {
         if self.scene.blocked_from_triangle(&sight.ray, sight.distance, from, vertex.triangle, counters) {
             return None;
         }
-        let by_camera = self.by_camera(subpath, number, towards_camera, number as u32, counters)?;
+        let by_camera =
+            self.by_camera(subpath, number, towards_camera, (number as u32, !self.light_plane.is_alone), counters)?;
         let share = splat_share(self.light_plane.shared_by, seen, by_camera);
         let radiance = scattered * (seen * share / self.light_plane.subpaths);
         Some(Splat { pixel: sight.pixel, radiance, is_caustic: subpath.is_caustic() })

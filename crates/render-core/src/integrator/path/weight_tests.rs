@@ -8,6 +8,7 @@ use super::light_vertex::{LightVertex, OneSubpath};
 use super::*;
 use crate::bsdf::{Bsdf, SurfacePoint};
 use crate::document::{SceneBundle, SceneDescription};
+use crate::integrator::allocation::Splats;
 use crate::integrator::light_subpaths::{Edge, FromLight, On, PlaceOnFace, connection_share, splat_share};
 use crate::scene::media::Bodies;
 use crate::specular::{Arrival, SampledPath};
@@ -126,6 +127,8 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
     if blocked || !sees {
         return None;
     }
+    // The camera sees the first vertex straight.
+    let asks_methods = !tracer.light_plane.is_alone;
     let splats = tracer.light_plane.shared_by;
     let sight = tracer.scene.camera().sight(vertices[0].position)?;
     let seen = sight.density * vertices[0].cosines()[0];
@@ -146,7 +149,8 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
             let [here, next] = [&vertices[number], &vertices[number + 1]];
             let [of_camera, of_light] = here.densities();
             let in_subpath = last - number - 1;
-            let by_camera = tracer.by_camera(subpath, in_subpath, next.towards[0], last as u32, counters);
+            let by_camera =
+                tracer.by_camera(subpath, in_subpath, next.towards[0], (last as u32, asks_methods), counters);
             by_camera.map_or(0.0, |by_camera| {
                 let from = [(by_light[number].total(|| of_light), of_camera), (by_camera, next.densities()[1])];
                 connection_share([here.cosines()[1], next.cosines()[0]], squared(number), from)
@@ -155,7 +159,7 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
         .collect();
     if splats > 0.0 {
         let [here, next] = [&vertices[0], &vertices[1]];
-        let by_camera = tracer.by_camera(subpath, last - 1, next.towards[0], last as u32, counters);
+        let by_camera = tracer.by_camera(subpath, last - 1, next.towards[0], (last as u32, asks_methods), counters);
         let cosines = [next.cosines()[0], here.cosines()[1]];
         let straight = tracer.is_connected.then(|| squared(0));
         let edge = Edge { straight, cosines, pdf: next.densities()[1] };
@@ -337,8 +341,8 @@ fn shares_sum_to_one_where_a_search_finds_the_light() {
         (scene["panes"][0]["front"], scene["panes"][0]["back"]) = (face(1), face(2));
         scene
     };
-    let many = Allocation { splats: 4, ..Allocation::USUAL };
-    let splats = Allocation { splats: 16, is_connected: false, ..Allocation::USUAL };
+    let many = Allocation { splats: Splats::each(4), ..Allocation::USUAL };
+    let splats = Allocation { splats: Splats::each(16), is_connected: false, ..Allocation::USUAL };
     for (lights, allocation) in [
         (json!([sun, lamp]), Allocation::USUAL),
         (json!([sun, lamp]), many),
