@@ -8,6 +8,7 @@
 //! - [`texture`]: pictures and colours over surfaces;
 //! - [`exchange`]: what things are in words that other programs know;
 //! - [`bsdf`]: materials, one file for each kind;
+//! - [`site`]: a place on earth, its kinds of time, and where the sun stands;
 //! - [`light`]: lights, one file for each kind;
 //! - [`scene`]: the things of a scene, their checks, and the immutable [`scene::Scene`] built from them;
 //! - [`specular`]: how light from a light reaches a shading point through glass, one folder for each method;
@@ -33,5 +34,6 @@ pub mod math;
 pub mod probe;
 pub mod scene;
 pub mod settings;
+pub mod site;
 pub mod specular;
 pub mod texture;

@@ -14,6 +14,7 @@ mod release;
 mod render;
 mod scene;
 mod submit;
+mod sun;
 mod view;
 mod watch;
 mod window;
@@ -57,6 +58,8 @@ pub(crate) enum Command {
     Import(import::ImportArguments),
     /// Write a scene that is computed.
     Scene(scene::SceneArguments),
+    /// Say where the sun stands at a place and a moment, and what clocks of all kinds show.
+    Sun(sun::SunArguments),
     /// Look at a scene in the browser: move the camera and the sun, and watch the picture become clear.
     View(view::ViewArguments),
     /// Start a farm on this machine, render sunlight through four old panes on it, and show the error falling.
@@ -88,6 +91,7 @@ pub(crate) async fn run(command: Command) -> Result<(), Failure> {
         Command::Bench(arguments) => bench::run(arguments).await,
         Command::Import(arguments) => import::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
+        Command::Sun(arguments) => sun::run(&arguments),
         Command::View(arguments) => view::run(arguments).await,
         Command::Demo(arguments) => demo::run(arguments).await,
     }

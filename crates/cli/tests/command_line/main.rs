@@ -13,4 +13,5 @@ mod jobs;
 mod render;
 mod scene;
 mod services;
+mod sun;
 mod support;
