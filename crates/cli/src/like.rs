@@ -12,7 +12,9 @@ use crate::text::counted;
 
 /// How to make an image again.
 pub(crate) struct Recipe {
-    /// The scene with the image's overrides.
+    /// The frame.
+    pub(crate) frame: u32,
+    /// The scene of the frame with the image's overrides.
     pub(crate) bundle: SceneBundle,
     /// How the film is cut into tiles.
     pub(crate) grid: TileGrid,
@@ -30,6 +32,8 @@ pub(crate) fn recipe(bundle: SceneBundle, scene: &Path, image: &Path) -> Result<
         )));
     };
     let failure = |source| Failure::scene(scene, source);
+    let frame = metadata.frame;
+    let bundle = bundle.frame(frame).map_err(failure)?;
     let mut description = bundle.description().clone();
     description.seed = metadata.seed;
     description.film = FilmDescription { width: picture.width(), height: picture.height() };
@@ -51,7 +55,7 @@ pub(crate) fn recipe(bundle: SceneBundle, scene: &Path, image: &Path) -> Result<
         )));
     }
     let grid = grid(image, bundle.description(), metadata, picture.layers())?;
-    Ok(Recipe { bundle, grid, tile_passes: metadata.tile_passes.clone() })
+    Ok(Recipe { frame, bundle, grid, tile_passes: metadata.tile_passes.clone() })
 }
 
 /// Whether a scene had this hash before its file said `"version": 2`.

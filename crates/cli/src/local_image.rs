@@ -12,7 +12,9 @@ use clerestory_film::{FrameImage, ImageError, RoundError, Target, Targets, TileS
 use clerestory_local_render::{
     self as local_render, Clocks, Control, LocalRenderError, Outcome, PassPlan, Provenance, Round, Spent,
 };
+use clerestory_render_core::document::SunOfScene;
 use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::site::{ShownTimes, SunPosition};
 use rayon::ThreadPoolBuilder;
 use tokio::sync::mpsc;
 
@@ -110,6 +112,24 @@ pub(crate) async fn render(task: Arc<RenderTask>) -> Result<Rendering, Failure> 
 }
 
 impl RenderTask {
+    /// Tells the user where the sun stands, if the scene has a place and an hour.
+    pub(crate) fn announce_sun(&self) {
+        // A scene that is built has been checked.
+        let Ok(Some(SunOfScene { place, moment, time, position })) = self.scene.description().sun() else { return };
+        let progress = Progress::new();
+        for remark in moment.remarks() {
+            progress.note(&remark.to_string());
+        }
+        let Ok(ShownTimes { universal, mean, apparent, .. }) = ShownTimes::at(&place, time) else { return };
+        let SunPosition { altitude, azimuth, .. } = position;
+        progress.note(&format!(
+            "The sun is {altitude:.2} degrees high, {azimuth:.2} from north by east: {universal} universal time, {} \
+             local mean time, {} by a sundial (Gregorian)",
+            mean.time_of_day(),
+            apparent.time_of_day(),
+        ));
+    }
+
     /// Tells the user what is known of the image before the render.
     pub(crate) fn announce(&self) {
         let progress = Progress::new();

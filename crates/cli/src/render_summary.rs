@@ -14,6 +14,7 @@ use crate::text::{counted, duration_text};
 /// What `--json` prints.
 #[derive(Serialize)]
 pub(crate) struct Summary {
+    pub(crate) frame: u32,
     pub(crate) output: PathBuf,
     pub(crate) png: Option<PathBuf>,
     pub(crate) scene_hash: String,

@@ -13,6 +13,7 @@ use clerestory_render_core::specular::registry::IntegratorDescription;
 
 use crate::failure::Failure;
 use crate::model_options::FileOptions;
+use crate::moment_options::MomentOptions;
 use crate::numbers::whole;
 use crate::progress::Progress;
 
@@ -39,6 +40,8 @@ pub(crate) struct SceneOverrides {
     /// Size of the image in pixels.
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<Size>,
+    #[command(flatten)]
+    moment: MomentOptions,
     #[command(flatten)]
     file: FileOptions,
 }
@@ -95,8 +98,18 @@ impl SceneOverrides {
         Ok(LoadedScene { bundle, assumptions })
     }
 
+    /// Loads a scene at the moment that the options name, without other changes.
+    pub(crate) fn load_at_moment(&self, file: &Path) -> Result<LoadedScene, Failure> {
+        let LoadedScene { bundle, assumptions } = self.read(file)?;
+        let mut description = bundle.description().clone();
+        self.moment.apply(&mut description)?;
+        let changed = bundle.with_description(description);
+        let bundle = changed.map_err(|source| Failure::Overrides { file: file.to_owned(), source })?;
+        Ok(LoadedScene { bundle, assumptions })
+    }
+
     /// Reads a scene file, or a file of another program, for which a scene is assumed. The user is told of what.
-    pub(crate) fn read(&self, file: &Path) -> Result<LoadedScene, Failure> {
+    fn read(&self, file: &Path) -> Result<LoadedScene, Failure> {
         if !is_model(file) {
             if !self.file.is_empty() {
                 let expected = "--unit and --up are for glTF and OBJ files: expected a .glb, .gltf or .obj file";
@@ -116,6 +129,7 @@ impl SceneOverrides {
         }
         description =
             document::apply(&self.set, &description).map_err(|error| Failure::Usage(format!("--set {error}")))?;
+        self.moment.apply(&mut description)?;
         if let Some(seed) = self.seed {
             description.seed = seed;
         }

@@ -127,7 +127,7 @@ pub(crate) fn shared(
         Sharing::Even => None,
         Sharing::ByNoise => Targets::default().adaptation(sampling, passes).ok(),
     };
-    let plan = PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation };
+    let plan = PassPlan { frame: 0, grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation };
     let clocks = Clocks::now();
     let control = &*session.control;
     let render = || local_render::render(&scene, &plan, control, |_| ControlFlow::Continue(()));
@@ -190,7 +190,8 @@ pub(crate) fn plan(scene: &PreparedScene, passes: u32) -> PassPlan {
     let film = scene.description().film;
     let tile_size = TILE.max(smallest_tile(film.width, film.height));
     let grid = scene.description().grid(tile_size);
-    PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![passes; grid.len() as usize], adaptation: None }
+    let tile_passes = vec![passes; grid.len() as usize];
+    PassPlan { frame: 0, grid, sampling: scene.sampling(), tile_passes, adaptation: None }
 }
 
 struct Render<'a> {

@@ -93,7 +93,7 @@ impl<'a> Plate<'a> {
         let grid = scene.description().grid(TILE);
         let samples = self.settings["samples"].as_u64().unwrap_or(64) as u32;
         let tile_passes = vec![samples.div_ceil(PASS); grid.len() as usize];
-        let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes, adaptation: None };
+        let plan = PassPlan { frame: 0, grid, sampling: scene.sampling(), tile_passes, adaptation: None };
         let (mut film, control) = (LocalFilm::new(&scene, &plan), Control::default());
         for _ in 0..samples.div_ceil(PASS) {
             film.render_pass(&control)?;

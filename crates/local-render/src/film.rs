@@ -12,7 +12,6 @@ use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::integrator::{RenderError, render_nodes};
 use rayon::prelude::*;
 
-use crate::FRAME;
 use crate::control::Control;
 use crate::error::LocalRenderError;
 use crate::plan::PassPlan;
@@ -50,7 +49,7 @@ impl<'a> LocalFilm<'a> {
         let tiles = (0..)
             .zip(&plan.tile_passes)
             .filter_map(|(index, &wanted)| {
-                let film = FilmTile::new(FRAME, index, plan.grid.tile(index)?, plan.sampling);
+                let film = FilmTile::new(plan.frame, index, plan.grid.tile(index)?, plan.sampling);
                 (wanted > 0).then_some(LocalTile { index, film, passes: 0, wanted, last: Duration::ZERO })
             })
             .collect();
@@ -142,7 +141,7 @@ pub(crate) fn render_leaves(
     pass: u32,
     control: &Control,
 ) -> Result<Option<Vec<Rendered>>, LocalRenderError> {
-    let address = |tile: &u32| NodeAddress { frame: FRAME, tile: *tile, level: 0, index: pass };
+    let address = |tile: &u32| NodeAddress { frame: plan.frame, tile: *tile, level: 0, index: pass };
     let addresses: Vec<NodeAddress> = tiles.iter().map(address).collect();
     match render_nodes(scene, &plan.grid, &addresses, &control.cancelled) {
         Ok(rendered) => {

@@ -6,7 +6,6 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageError, ImageMetadata, TileSum};
 use clerestory_render_core::integrator::PreparedScene;
 
-use crate::FRAME;
 use crate::plan::PassPlan;
 
 /// How an image was made, for its metadata.
@@ -35,7 +34,7 @@ pub fn image(
     let description = scene.description();
     let metadata = ImageMetadata {
         scene_hash: scene.hash().to_string(),
-        frame: FRAME,
+        frame: plan.frame,
         seed: description.seed,
         integrator: serde_json::to_value(&description.integrator).expect("settings have a form in JSON"),
         sampling: plan.sampling,

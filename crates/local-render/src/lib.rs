@@ -19,6 +19,3 @@ pub use film::LocalFilm;
 pub use image::{Provenance, image};
 pub use plan::PassPlan;
 pub use render::{Outcome, Round, render};
-
-/// The frame of a scene without animation.
-const FRAME: u32 = 0;

@@ -4,6 +4,8 @@ use clerestory_film::{Adaptation, Sampling, TileGrid};
 
 /// What to render.
 pub struct PassPlan {
+    /// The frame, which keys random numbers.
+    pub frame: u32,
     /// How the image is cut into tiles.
     pub grid: TileGrid,
     /// How samples are grouped.

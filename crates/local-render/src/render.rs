@@ -147,7 +147,7 @@ mod tests {
     fn light(scene: &PreparedScene, is_adaptive: bool) -> (f64, Vec<u32>) {
         let grid = TileGrid::new(16, 16, 4);
         let adaptation = is_adaptive.then(|| Targets::default().adaptation(scene.sampling(), PASSES).unwrap());
-        let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![PASSES; 16], adaptation };
+        let plan = PassPlan { frame: 0, grid, sampling: scene.sampling(), tile_passes: vec![PASSES; 16], adaptation };
         let control = Control::default();
         let outcome = render(scene, &plan, &control, |_| ControlFlow::Continue(())).unwrap();
         assert!(outcome.is_complete);

@@ -6,12 +6,15 @@ use std::sync::Arc;
 use clap::Args;
 use clerestory_film::{ImageMetadata, LARGEST_TILE, encode_png, mean_squared_standard_error, smallest_tile};
 use clerestory_local_render::{PassPlan, Spent};
+use clerestory_render_core::integrator::PreparedScene;
 
 use crate::activity::Activity;
 use crate::failure::Failure;
+use crate::frames::{self, FrameArguments, file_of_frame};
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
 use crate::local_image::{RenderTask, render};
+use crate::local_scene;
 use crate::numbers::whole;
 use crate::output::{print_json, print_line};
 use crate::output_file::{
@@ -30,12 +33,15 @@ use crate::threads::ThreadCount;
 pub(crate) struct RenderArguments {
     /// The scene file.
     scene: PathBuf,
-    /// The image to write [default: the scene's file name with .exr, in the working directory].
+    /// The image to write [default: the scene's file name with .exr, in the working directory]. With several frames,
+    /// #### in the name is the number of the frame.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Also write a PNG beside the image.
     #[arg(long)]
     png: bool,
+    #[command(flatten)]
+    frames: FrameArguments,
     #[command(flatten)]
     preview: PreviewArguments,
     #[command(flatten)]
@@ -50,7 +56,7 @@ pub(crate) struct RenderArguments {
     /// Make this image again, bit for bit: with its seed, integrator, size, sampling, tiles and passes.
     #[arg(long, value_name = "FILE", conflicts_with_all =
         ["spp", "time", "target_mse", "target_estimated_mse", "adaptive", "integrator", "set", "seed", "size",
-        "samples_per_pass", "samples_per_block", "tile"])]
+        "samples_per_pass", "samples_per_block", "tile", "frame", "frames"])]
     like: Option<PathBuf>,
     /// OpenEXR image to measure the error against at each round.
     #[arg(long, value_name = "FILE")]
@@ -67,29 +73,85 @@ pub(crate) struct RenderArguments {
 }
 
 pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
-    let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
-    check_image_name(&output)?;
-    let png = arguments.png.then(|| png_beside(&output));
-    check_outputs(
-        &[("--output", Some(output.as_path())), ("--png", png.as_deref()), ("--stats", arguments.stats.as_deref())],
-        &[("the scene", Some(arguments.scene.as_path())), ("the reference", arguments.reference.as_deref())],
-    )?;
-    let task = Arc::new(interpret(&arguments)?);
-    task.announce();
-    let rendering = render(task.clone()).await?;
+    let (loaded, recipe) = load(&arguments)?;
+    let frames = match &recipe {
+        Some(recipe) => recipe.frame..=recipe.frame,
+        None => arguments.frames.chosen(loaded.bundle.description())?,
+    };
+    let timeline = &loaded.bundle.description().timeline;
+    let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene, !timeline.is_empty()));
+    let has_several = frames.clone().count() > 1;
+    if has_several {
+        frames::check_names(&[("--output", Some(&output)), ("--stats", arguments.stats.as_deref())])?;
+    }
+    let files = |frame| Files::of(&arguments, &output, Some(frame).filter(|_| !timeline.is_empty()));
+    for frame in frames.clone() {
+        files(frame).check(&arguments)?;
+    }
+    let mut before = None;
+    for (number, frame) in frames.enumerate() {
+        let files = files(frame);
+        if has_several {
+            let name = timeline.get(frame as usize).map(|frame| frame.name.as_str()).unwrap_or_default();
+            Progress::new().note(format!("Frame {frame} {name}").trim_end());
+        }
+        let task = Arc::new(interpret(&arguments, &loaded, recipe.as_ref(), (frame, &files), before.take())?);
+        if number == 0 {
+            task.announce();
+        }
+        task.announce_sun();
+        render_frame(&arguments, &task, &files).await?;
+        before = Arc::into_inner(task).map(|task| task.scene);
+    }
+    Ok(())
+}
 
+/// The files of a frame.
+struct Files {
+    output: PathBuf,
+    png: Option<PathBuf>,
+    stats: Option<PathBuf>,
+    reference: Option<PathBuf>,
+}
+
+impl Files {
+    /// Without a timeline, no name has the number of a frame in it.
+    fn of(arguments: &RenderArguments, output: &Path, frame: Option<u32>) -> Self {
+        let of_frame = |pattern: &Path| frame.map_or_else(|| pattern.to_owned(), |frame| file_of_frame(pattern, frame));
+        let output = of_frame(output);
+        let png = arguments.png.then(|| png_beside(&output));
+        let [stats, reference] = [&arguments.stats, &arguments.reference].map(|file| file.as_deref().map(of_frame));
+        Self { output, png, stats, reference }
+    }
+
+    /// Whether they can be written.
+    fn check(&self, arguments: &RenderArguments) -> Result<(), Failure> {
+        let Self { output, png, stats, reference } = self;
+        check_image_name(output)?;
+        check_outputs(
+            &[("--output", Some(output.as_path())), ("--png", png.as_deref()), ("--stats", stats.as_deref())],
+            &[("the scene", Some(arguments.scene.as_path())), ("the reference", reference.as_deref())],
+        )
+    }
+}
+
+/// Renders a frame, and writes and prints what the options ask for.
+async fn render_frame(arguments: &RenderArguments, task: &Arc<RenderTask>, files: &Files) -> Result<(), Failure> {
+    let rendering = render(Arc::clone(task)).await?;
+    let Files { output, png, stats, .. } = files;
     let Spent { wall, core } = rendering.spent;
     let image = task.image(&rendering.sums, rendering.counters, Some(wall)).map_err(Failure::BadImage)?;
-    write_or_keep(&output, &image.encode().map_err(|error| Failure::BadImage(error.into()))?)?;
-    if let Some(file) = &png {
+    write_or_keep(output, &image.encode().map_err(|error| Failure::BadImage(error.into()))?)?;
+    if let Some(file) = png {
         let bytes = encode_png(&image, &arguments.preview.settings()).map_err(Failure::Preview)?;
         write(file, &bytes)?;
     }
     let mut work = rendering.counters;
     work += rendering.pilot;
     let summary = Summary {
+        frame: task.plan.frame,
         output: output.clone(),
-        png,
+        png: png.clone(),
         scene_hash: task.scene.hash().to_string(),
         width: image.width(),
         height: image.height(),
@@ -105,13 +167,13 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         metrics: task.measures(&image)?,
         counters: work,
     };
-    if let Some(file) = &arguments.stats {
+    if let Some(file) = stats {
         write_stats(file, &work)?;
     }
     let metadata = image.metadata().filter(|_| task.absence.is_none());
     if arguments.json {
         print_json(&summary)?;
-    } else if is_standard_output(&output) {
+    } else if is_standard_output(output) {
         // The image is on standard output, and nothing else belongs there.
         Progress::new().note(&summary.text());
     } else {
@@ -127,24 +189,47 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
+/// Reads the scene, and of `--like` how to make its image.
+fn load(arguments: &RenderArguments) -> Result<(LoadedScene, Option<Recipe>), Failure> {
     let file = &arguments.scene;
-    let failure = |source| Failure::scene(file, source);
     let activity = Activity::begin("Reading the scene and its files");
-    let (LoadedScene { bundle, assumptions }, tiles) = match &arguments.like {
+    let loaded = match &arguments.like {
         None => (arguments.overrides.load(file, arguments.sampling)?, None),
         Some(image) => {
-            let LoadedScene { bundle, assumptions } = arguments.overrides.read(file)?;
-            let Recipe { bundle, grid, tile_passes } = like::recipe(bundle, file, image)?;
-            (LoadedScene { bundle, assumptions }, Some((grid, tile_passes)))
+            let loaded = arguments.overrides.load_at_moment(file)?;
+            let recipe = like::recipe(loaded.bundle.clone(), file, image)?;
+            (loaded, Some(recipe))
         }
     };
-    let scene = activity.build(&bundle).map_err(failure)?;
+    activity.done("The scene is read");
+    Ok(loaded)
+}
+
+/// What to render of a frame. What the scene of the frame `before` has in common with it is not built again.
+fn interpret(
+    arguments: &RenderArguments,
+    loaded: &LoadedScene,
+    recipe: Option<&Recipe>,
+    (frame, files): (u32, &Files),
+    before: Option<PreparedScene>,
+) -> Result<RenderTask, Failure> {
+    let failure = |source| Failure::scene(&arguments.scene, source);
+    let (bundle, tiles) = match recipe {
+        Some(Recipe { bundle, grid, tile_passes, .. }) => (bundle.clone(), Some((*grid, tile_passes.clone()))),
+        None => (loaded.bundle.frame(frame).map_err(failure)?, None),
+    };
+    let assumptions = loaded.assumptions.clone();
+    let activity = Activity::begin("Building the scene");
+    let scene = match before {
+        Some(before) => local_scene::change(before, &bundle),
+        None => activity.build(&bundle),
+    };
+    let scene = scene.map_err(failure)?;
     activity.done("The scene is ready");
     let film = bundle.description().film;
     let sampling = scene.sampling();
     let plan = match tiles {
-        Some((grid, tile_passes)) => PassPlan { grid, sampling, tile_passes, adaptation: None },
+        Some((grid, tile_passes)) => PassPlan { frame, grid, sampling, tile_passes, adaptation: None },
         None => {
             let smallest = smallest_tile(film.width, film.height);
             if arguments.tile < smallest {
@@ -157,10 +242,10 @@ fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
             let grid = bundle.description().grid(arguments.tile);
             let passes = arguments.limits.samples_per_pixel().div_ceil(sampling.samples_per_pass());
             let adaptation = arguments.limits.adaptation(sampling, passes)?;
-            PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation }
+            PassPlan { frame, grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation }
         }
     };
-    let reference = arguments.reference.as_deref().map(|file| read_reference(file, film)).transpose()?;
+    let reference = files.reference.as_deref().map(|file| read_reference(file, film)).transpose()?;
     let reference = reference.map(|(_, image)| image);
     let noise = reference.as_ref().and_then(mean_squared_standard_error);
     arguments.limits.check_targets(reference.is_some(), noise)?;
@@ -171,8 +256,8 @@ fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
     Ok(RenderTask { scene, plan, reference, threads, time, targets, absence, assumptions })
 }
 
-fn default_output(scene: &Path) -> PathBuf {
+fn default_output(scene: &Path, has_timeline: bool) -> PathBuf {
     let mut name = scene.file_stem().unwrap_or(scene.as_os_str()).to_owned();
-    name.push(".exr");
+    name.push(if has_timeline { "-####.exr" } else { ".exr" });
     PathBuf::from(name)
 }

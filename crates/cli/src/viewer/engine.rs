@@ -220,6 +220,7 @@ impl Engine {
         let tile_size = TILE.max(smallest_tile(film.width, film.height));
         let grid = scene.description().grid(tile_size);
         let plan = PassPlan {
+            frame: 0,
             grid,
             sampling: scene.sampling(),
             tile_passes: vec![most; grid.len() as usize],

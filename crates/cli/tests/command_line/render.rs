@@ -49,6 +49,64 @@ fn an_image_is_made_again_from_what_it_says_of_itself() {
 }
 
 #[test]
+fn frames_are_rendered_one_by_one_with_the_bits_of_each_alone() {
+    let folder = Folder::new();
+    let mut scene: Value = serde_json::from_slice(&fs::read(folder.path("scene.json")).unwrap()).unwrap();
+    let lamp = |x: f64| json!({"name": "moved", "set": {"lights[lamp].position": [x, 1, 2]}});
+    scene["timeline"] = json!([{}, lamp(0.5), lamp(-0.5)]);
+    fs::write(folder.path("day.json"), scene.to_string()).unwrap();
+    let text = folder.succeeds(&["render", "day.json", "--spp", "8", "--json"]);
+    let frames: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(frames.len(), 3);
+    assert_eq!((&frames[2]["frame"], &frames[2]["output"]), (&json!(2), &json!("day-0002.exr")));
+
+    folder.succeeds(&["render", "day.json", "--spp", "8", "--frame", "2", "-o", "alone.exr"]);
+    assert_eq!(folder.comparison("alone.exr", "day-0002.exr")["bit_identical"], true);
+    assert_eq!(folder.comparison("alone.exr", "day-0001.exr")["bit_identical"], false);
+    folder.succeeds(&["render", "day.json", "--like", "day-0002.exr", "-o", "again.exr"]);
+    assert_eq!(folder.comparison("again.exr", "day-0002.exr")["bit_identical"], true);
+    // The first frame sets nothing, so it is the scene without a timeline.
+    folder.succeeds(&["render", "scene.json", "--spp", "8", "-o", "plain.exr"]);
+    assert_eq!(folder.comparison("plain.exr", "day-0000.exr")["bit_identical"], true);
+    // Appended frames change none before them.
+    scene["timeline"].as_array_mut().unwrap().push(lamp(0.0));
+    fs::write(folder.path("longer.json"), scene.to_string()).unwrap();
+    folder.succeeds(&["render", "longer.json", "--spp", "8", "--frames", "1..2", "-o", "longer-#.exr"]);
+    assert_eq!(folder.comparison("longer-2.exr", "day-0002.exr")["bit_identical"], true);
+    assert!(!folder.path("longer-0.exr").exists() && !folder.path("longer-3.exr").exists());
+
+    folder.fails(&["render", "day.json", "-o", "day.exr"], 2, &["--output", "day.exr", "####"]);
+    folder.fails(&["render", "day.json", "--frame", "3"], 2, &["--frame", "3", "at most 2"]);
+    folder.fails(&["render", "scene.json", "--frame", "1"], 2, &["--frame", "1", "no timeline"]);
+}
+
+#[test]
+fn a_day_is_rendered_hour_by_hour_with_the_sun_where_it_stood() {
+    let folder = Folder::new();
+    let mut scene: Value = serde_json::from_slice(&fs::read(folder.path("scene.json")).unwrap()).unwrap();
+    scene["version"] = json!(2);
+    scene["lights"] = json!([]);
+    scene["site"] = json!({"latitude": 48.4476, "longitude": 1.4878, "up": [0, 1, 0], "axis": [0, 0, -1]});
+    scene["daylight"] = json!({});
+    fs::write(folder.path("day.json"), scene.to_string()).unwrap();
+    // The wall faces south.
+    let times = ["--times", "1250-12-25T10:00..14:00/120min", "--calendar", "julian", "--time-kind", "apparent"];
+    let output = folder.run(&[&["render", "day.json", "--spp", "8", "--json"], &times[..]].concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{message}");
+    for part in ["Frame 1 12:00", "1251-01-01", "180.00 from north by east", "12:00:00 by a sundial"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    folder.succeeds(&["render", "day.json", "--spp", "8", "--at", "1250-christmas noon", "--calendar", "julian"]);
+    assert_eq!(folder.comparison("day.exr", "day-0000.exr")["bit_identical"], false);
+    let again = [&["render", "day.json", "--like", "day-0001.exr", "-o", "again.exr"], &times[..]].concat();
+    folder.succeeds(&again);
+    assert_eq!(folder.comparison("again.exr", "day-0001.exr")["bit_identical"], true);
+    folder.fails(&["render", "scene.json", "--calendar", "julian"], 2, &["--calendar", "--at"]);
+    folder.fails(&["render", "day.json"], 1, &["moment", "daylight"]);
+}
+
+#[test]
 fn a_render_reports_to_scripts_and_to_people_apart() {
     let folder = Folder::new();
     let options = ["--spp", "8", "--json", "--png", "--stats", "stats.json", "-o", "image.exr"];

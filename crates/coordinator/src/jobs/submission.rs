@@ -100,6 +100,11 @@ impl Submissions {
         let description = blocking(move || Ok(SceneDescription::parse(&text)?)).await?;
         let _room = room.parsed();
         check_name("scene.name", &description.name)?;
+        if !description.timeline.is_empty() {
+            let found = format!("{} frames", description.timeline.len());
+            let expected = "a scene without a timeline: clerestory render renders frames, and farms do not yet";
+            return Err(SubmissionError::invalid_field("scene.timeline", found, expected));
+        }
         let grid = grid(&submission, &description)?;
         let named = check_assets(&submission.assets, &document::asset_names(&description))?;
         let contents: BTreeSet<ContentHash> = named.values().copied().chain(submission.reference).collect();

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use super::SceneDescription;
 use super::canonical::scene_hash;
+use super::timeline::place_in_frame;
 #[cfg(test)]
 use crate::scene::Scene;
 use crate::scene::asset_uses::asset_uses;
@@ -31,16 +32,19 @@ impl SceneBundle {
     /// When the description is not valid, or an asset is missing or too large.
     pub fn from_parts(description: SceneDescription, mut assets: Assets) -> Result<Self, SceneError> {
         description.validate()?;
-        for (path, name) in asset_uses(description.parts()) {
-            let problem = match assets.get(name) {
+        let mut names = BTreeSet::new();
+        for (path, name) in asset_uses_of_frames(&description)? {
+            let problem = match assets.get(&name) {
                 None => AssetProblem::Missing,
                 Some(asset) if asset.bytes().len() as u64 > MAX_ASSET_BYTES => too_large(asset.bytes().len() as u64),
-                Some(_) => continue,
+                Some(_) => {
+                    names.insert(name);
+                    continue;
+                }
             };
-            return Err(SceneError::Asset { path, name: name.to_owned(), problem });
+            return Err(SceneError::Asset { path, name, problem });
         }
-        let names = asset_names(&description);
-        assets.retain(|name, _| names.contains(name.as_str()));
+        assets.retain(|name, _| names.contains(name));
         let hashes = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash())).collect();
         let hash = scene_hash(&description, &hashes);
         Ok(Self { description, assets, hash })
@@ -88,6 +92,15 @@ impl SceneBundle {
         self.hash
     }
 
+    /// The scene of a frame, with the files that it names.
+    ///
+    /// # Errors
+    ///
+    /// When there is no such frame.
+    pub fn frame(&self, number: u32) -> Result<Self, SceneError> {
+        Self::from_parts(self.description.frame(number)?, self.assets.clone())
+    }
+
     /// The same scene with a changed description, such as another seed.
     ///
     /// # Errors
@@ -98,7 +111,19 @@ impl SceneBundle {
     }
 }
 
-/// Names of all files that must be supplied with the scene.
+/// The files that a scene names and those of its frames, with the places that name them.
+fn asset_uses_of_frames(description: &SceneDescription) -> Result<Vec<(String, String)>, SceneError> {
+    let owned = |scene: &SceneDescription| -> Vec<(String, String)> {
+        asset_uses(scene.parts()).into_iter().map(|(path, name)| (path, name.to_owned())).collect()
+    };
+    let mut uses = owned(description);
+    for (number, scene) in description.frame_scenes() {
+        uses.extend(owned(&scene?).into_iter().map(|(path, name)| (place_in_frame(number, &path), name)));
+    }
+    Ok(uses)
+}
+
+/// Names of all files that must be supplied with a scene without a timeline.
 pub fn asset_names(description: &SceneDescription) -> BTreeSet<&str> {
     asset_uses(description.parts()).into_iter().map(|(_, name)| name).collect()
 }
@@ -114,8 +139,7 @@ pub fn load(file: &Path) -> Result<SceneBundle, SceneError> {
     let json = read_at_most(file, MAX_SCENE_BYTES as u64).map_err(unreadable)?;
     let description = SceneDescription::parse(&json)?;
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let uses = asset_uses(description.parts()).into_iter().map(|(path, name)| (path, name.to_owned()));
-    let assets = load_assets(folder, uses)?;
+    let assets = load_assets(folder, asset_uses_of_frames(&description)?)?;
     SceneBundle::from_parts(description, assets)
 }
 

@@ -1,13 +1,12 @@
 //! The canonical form of a scene file, and the hash over it.
 
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
 
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::SceneDescription;
-use super::schema::scene_schema;
+use super::schema::schema_value;
 use crate::scene::{ContentHash, SceneHash};
 use crate::settings::schema_place::Place;
 use crate::specular::registry::IntegratorDescription;
@@ -17,10 +16,9 @@ use crate::specular::registry::IntegratorDescription;
 /// defaults of the members that it had at first. From version 2 on, members at their default are left out, so that new
 /// members change no hash.
 pub fn canonical_json(description: &SceneDescription) -> String {
-    static SCHEMA: LazyLock<Value> = LazyLock::new(|| scene_schema().to_value());
     let mut value = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
     if description.version > 1 {
-        leave_out_defaults(&mut value, &Place::root(&SCHEMA));
+        leave_out_defaults(&mut value, &Place::root(schema_value()));
     }
     let mut json = String::new();
     write_canonical(&value, &mut json);
@@ -122,6 +120,7 @@ mod tests {
     use serde_json::json;
 
     use super::super::malformed_scenes::valid_scene;
+    use super::super::scene_schema;
     use super::super::shipped_scenes::{read, shipped};
     use super::*;
 

@@ -7,7 +7,9 @@ use std::marker::PhantomData;
 use schemars::JsonSchema;
 use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
+use super::daylight_description::{DaylightDescription, MomentDescription, SiteDescription};
 use crate::bsdf::MaterialDescription;
 use crate::light::LightDescription;
 use crate::scene::SceneParts;
@@ -70,6 +72,32 @@ pub struct SceneDescription {
     #[serde(default)]
     #[schemars(length(max = 4096))]
     pub lights: Vec<LightDescription>,
+    /// Where the scene is on earth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub site: Option<SiteDescription>,
+    /// When the scene is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moment: Option<MomentDescription>,
+    /// The light of the sun and of the sky there and then, as two more lights: `sun` and `sky`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub daylight: Option<DaylightDescription>,
+    /// Frames, at most 65536: how each differs from the scene. Without any, there is one frame: the scene as it is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 65_536))]
+    pub timeline: Vec<FrameDescription>,
+}
+
+/// How a frame differs from the scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FrameDescription {
+    /// A short name, such as an hour, shown in lists; at most 200 bytes.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[schemars(length(max = 200))]
+    pub name: String,
+    /// Other values for members of the scene, by their paths: `lights[sun].direction`, `panes[*].thickness`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "changes_with_unique_paths")]
+    pub set: BTreeMap<String, Value>,
 }
 
 /// How samples are grouped. Both numbers decide the order of summation and so the last bits of the image.
@@ -118,6 +146,10 @@ fn sheets_with_unique_names<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<BTreeMap<String, SheetDescription>, D::Error> {
     deserializer.deserialize_map(ByName { thing: "sheet", things: PhantomData })
+}
+
+fn changes_with_unique_paths<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<String, Value>, D::Error> {
+    deserializer.deserialize_map(ByName { thing: "change", things: PhantomData })
 }
 
 /// Reads a map of things by name. A name that stands there twice is an error; a plain map would keep the last.

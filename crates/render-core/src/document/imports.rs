@@ -1,4 +1,4 @@
-//! The things of imported files, of leaded windows and of painted panes among those of the scene.
+//! The things of imported files, of leaded windows, of painted panes and of daylight among those of the scene.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -83,6 +83,7 @@ impl SceneDescription {
             scene.materials.entry(mesh.material.clone()).or_insert(material);
             scene.meshes.push(mesh);
         }
+        scene.take_daylight()?;
         scene.validate().map_err(|error| scene.named(error))?;
         Ok((Cow::Owned(scene), bounded(notes)))
     }
@@ -109,9 +110,11 @@ impl SceneDescription {
         Ok(())
     }
 
-    /// Whether all of its things stand in the file: there are no imports, windows or painted panes.
+    /// Whether all of its things stand in the file: there are no imports, windows, painted panes or daylight.
     pub(super) fn is_expanded(&self) -> bool {
-        self.imports.is_empty() && self.windows.is_empty() && self.panes.iter().all(|pane| pane.paint.is_none())
+        let are_lights_there = self.daylight.is_none();
+        let are_things_there = self.imports.is_empty() && self.windows.is_empty();
+        are_lights_there && are_things_there && self.panes.iter().all(|pane| pane.paint.is_none())
     }
 
     /// An error about a thing that the scene file does not have, with its name in place of its number.

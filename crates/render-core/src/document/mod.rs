@@ -1,13 +1,15 @@
 //! The scene file as a whole: the things of a scene, and how they are rendered.
 //!
-//! `description` holds the type of the file, with the settings of film, sampling and integrator;
-//! `docs/scene-format.md` is its manual. A description plus the bytes of the assets that it names is a [`SceneBundle`]:
-//! what is hashed, sent to the farm, and rendered. `overrides` changes members by their paths. `nave` and `water` make
-//! scenes of any size.
+//! `description` holds the type of the file, with the settings of film, sampling and integrator; `docs/scene-format.md`
+//! is its manual. A description plus the bytes of the assets that it names is a [`SceneBundle`]: what is hashed, sent
+//! to the farm, and rendered. `overrides` changes members by their paths, and `timeline` makes a scene of each frame by
+//! such changes. `nave` and `water` make scenes of any size.
 
 mod bundle;
 mod canonical;
 pub mod chapel;
+mod daylight;
+mod daylight_description;
 mod description;
 #[cfg(test)]
 mod hostile_scenes;
@@ -27,6 +29,7 @@ mod schema;
 #[cfg(test)]
 mod shipped_scenes;
 mod syntax;
+mod timeline;
 mod triangles;
 mod validate;
 mod validate_integrator;
@@ -35,7 +38,9 @@ pub mod window_scene;
 
 pub use bundle::{SceneBundle, asset_names, load};
 pub use canonical::{SceneHeader, canonical_json};
-pub use description::{SamplingDescription, SceneDescription};
+pub use daylight::SunOfScene;
+pub use daylight_description::{DaylightDescription, MomentDescription, SiteDescription, SunStrength};
+pub use description::{FrameDescription, SamplingDescription, SceneDescription};
 pub use imports::{MAX_NOTE_CHARACTERS, MAX_NOTES};
 pub use integrators::{IntegratorEntry, integrators};
 pub use model_scene::{ModelOptions, ModelScene, is_model, scene_around};

@@ -104,6 +104,10 @@ pub fn scene_around(file: &Path, options: &ModelOptions) -> Result<ModelScene, S
         sheets: std::collections::BTreeMap::new(),
         panes: Vec::new(),
         lights: Vec::new(),
+        site: None,
+        moment: None,
+        daylight: None,
+        timeline: Vec::new(),
     };
     description.validate()?;
     let root = JsonPath::Root;

@@ -6,7 +6,8 @@ use serde_json::{Map, Value};
 use thiserror::Error;
 
 use super::path::{Step, parse};
-use crate::document::{SceneDescription, scene_schema};
+use super::schema::schema_value;
+use crate::document::SceneDescription;
 use crate::scene::SceneError;
 use crate::settings::pattern::matches;
 use crate::settings::schema_place::Place;
@@ -93,11 +94,19 @@ pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<Sce
     if changes.is_empty() {
         return Ok(description.clone());
     }
-    let mut document = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
-    let schema = scene_schema().to_value();
+    apply_to(changes, document_of(description))
+}
+
+/// A scene as the JSON that changes are made in.
+pub(super) fn document_of(description: &SceneDescription) -> Value {
+    serde_json::to_value(description).expect("every member of a scene has a form in JSON")
+}
+
+/// The same, of a scene as [`document_of`] it.
+pub(super) fn apply_to(changes: &[Override], mut document: Value) -> Result<SceneDescription, OverrideError> {
     for change in changes {
         change.check_integrator(&document)?;
-        let root = Place::root(&schema);
+        let root = Place::root(schema_value());
         change.set(&mut document, root, &change.steps)?;
         // A name alone stands for the usual settings, which later changes may name.
         let named = document["integrator"].as_str().and_then(|name| IntegratorDescription::default().named(name));
@@ -112,6 +121,15 @@ pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<Sce
 }
 
 impl Override {
+    /// A value for the member at a path.
+    pub(super) fn new(path: &str, value: Value) -> Result<Self, OverrideError> {
+        let text = format!("{path}={value}");
+        match parse(path) {
+            Ok(steps) => Ok(Self { text, steps, value }),
+            Err(expected) => Err(OverrideError::Text { text, expected }),
+        }
+    }
+
     /// Another integrator is chosen by its name, not by one of its settings: that keeps what describes the scene.
     fn check_integrator(&self, document: &Value) -> Result<(), OverrideError> {
         let integrator = document.get("integrator").and_then(Value::as_object);

@@ -1,7 +1,10 @@
 //! The JSON Schema of scene files, generated from the types, for editors and for other programs that write scenes.
 
+use std::sync::LazyLock;
+
 use schemars::Schema;
 use schemars::generate::SchemaSettings;
+use serde_json::Value;
 
 use super::SceneDescription;
 
@@ -12,13 +15,19 @@ pub fn scene_schema() -> Schema {
     schema
 }
 
+/// The same as a value that is made once.
+pub(super) fn schema_value() -> &'static Value {
+    static SCHEMA: LazyLock<Value> = LazyLock::new(|| scene_schema().to_value());
+    &SCHEMA
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use std::fs;
     use std::path::Path;
 
     use boon::{Compiler, SchemaIndex, Schemas};
-    use serde_json::{Value, json};
+    use serde_json::json;
 
     use super::super::malformed_scenes::{valid_scene, with};
     use super::*;

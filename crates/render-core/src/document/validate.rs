@@ -10,6 +10,9 @@ const MAX_PATH_FILTER_BYTES: usize = 1000;
 /// Most samples that share one scramble: the sequence has no more points.
 const MAX_SAMPLES_PER_BLOCK: u32 = 1 << 16;
 
+/// Most frames of a timeline.
+const MOST_FRAMES: usize = 1 << 16;
+
 impl SceneDescription {
     /// Checks everything that can be checked without the assets.
     ///
@@ -26,9 +29,28 @@ impl SceneDescription {
         self.check_integrator(&root.member("integrator"))?;
         self.compiled_path_filter()?;
         check_sampling(self.sampling, &root.member("sampling"))?;
+        self.check_timeline(&root.member("timeline"))?;
+        self.check_daylight()?;
         self.parts().check_things()?;
         // The names of imported things, and of those of windows and paints, are known once they are expanded.
         if self.is_expanded() { self.check_integrator_names(&root.member("integrator")) } else { Ok(()) }
+    }
+
+    /// Whether there are not too many frames. What they set is checked with the files that they name.
+    fn check_timeline(&self, path: &JsonPath<'_>) -> Check {
+        let frames = self.timeline.len();
+        if frames > MOST_FRAMES {
+            return Err(SceneError::value(
+                path,
+                format_args!("{frames} frames"),
+                format_args!("at most {MOST_FRAMES}"),
+            ));
+        }
+        let named = self.timeline.iter().enumerate().filter(|(_, frame)| !frame.name.is_empty());
+        for (number, frame) in named {
+            check_name(&frame.name, &path.element(number).member("name"))?;
+        }
+        Ok(())
     }
 
     /// The path filter, if there is one, ready for use.

@@ -84,6 +84,10 @@ pub fn window_scene(window: WindowDescription) -> Result<SceneDescription, Scene
         sheets: BTreeMap::new(),
         panes: Vec::new(),
         lights: lights(),
+        site: None,
+        moment: None,
+        daylight: None,
+        timeline: Vec::new(),
     })
 }
 

@@ -77,9 +77,9 @@ impl PreparedScene {
         })
     }
 
-    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the
-    /// sampling differ, all that takes time to build is kept. Whether the camera and the lights may stand where they do
-    /// then, [`Obstacles::check`] tells.
+    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the daylight, the integrator, the
+    /// seed and the sampling differ, all that takes time to build is kept. Whether the camera and the lights may stand
+    /// where they do then, [`Obstacles::check`] tells.
     ///
     /// # Errors
     ///
@@ -90,6 +90,9 @@ impl PreparedScene {
             camera: self.file.camera.clone(),
             film: self.file.film,
             lights: self.file.lights.clone(),
+            site: self.file.site.clone(),
+            moment: self.file.moment.clone(),
+            daylight: self.file.daylight.clone(),
             integrator: self.file.integrator.clone(),
             seed: self.file.seed,
             sampling: self.file.sampling,

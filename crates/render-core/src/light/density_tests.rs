@@ -89,6 +89,9 @@ fn descriptions() -> Vec<LightDescription> {
         json!({"mesh": {"name": "painted roof", "mesh": "painted", "radiance": [3, 2, 1]}}),
         json!({"sun": {"name": "sun", "direction": [0.1, 0.2, 1], "angular_radius": 3, "radiance": [1, 1, 1]}}),
         json!({"environment": {"name": "even", "radiance": {"colour": [1, 2, 3]}}}),
+        json!({"environment": {"name": "clear", "radiance": {"sky": {
+            "model": {"cie": 12}, "up": [0.2, -0.3, 1], "sun": [1, 0.5, 0.7], "illuminance": 2000,
+            "ground_luminance": 100}}}}),
     ]
     .into_iter()
     .map(described)

@@ -1,4 +1,4 @@
-//! What is around a scene, infinitely far away: one colour, or a picture of all directions.
+//! What is around a scene, infinitely far away: one colour, a picture of all directions, or a sky.
 
 use std::sync::Arc;
 
@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::environment_map::{EnvironmentMap, Partner, SPHERE};
+use super::environment_sky::SkySettings;
 use super::{
     Body, EmissionCone, Emitter, LiSample, LightAssets, LightBounds, LightHit, LightSettings, Receiver, Source,
     SourceSample,
@@ -14,9 +15,9 @@ use super::{
 use crate::exchange::{LightModel, RadianceModel};
 use crate::geometry::rotation::rotation;
 use crate::geometry::{Frame, Ray};
-use crate::settings::check::{check_asset_name, check_range, check_triple};
+use crate::settings::check::{Numbers, check_asset_name, check_range, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_PICTURE_RADIANCE};
-use crate::settings::{Check, JsonPath, Triple};
+use crate::settings::{Check, JsonPath, SceneError, Triple};
 use crate::texture::Bitmaps;
 
 /// What is around the scene, infinitely far away: a sky, or a picture of a whole surrounding. It is behind everything,
@@ -52,6 +53,8 @@ pub enum EnvironmentRadiance {
         /// OpenEXR (channels R, G, B or Y) or Radiance file (.hdr), relative to the scene file.
         file: String,
     },
+    /// A sky by a model of its luminance.
+    Sky(SkySettings),
 }
 
 /// The largest scale: the largest radiance is no more than that of other lights.
@@ -76,7 +79,7 @@ impl LightSettings for EnvironmentLight {
 
     fn picture(&self) -> Option<(String, &str)> {
         match &self.radiance {
-            EnvironmentRadiance::Colour(_) => None,
+            EnvironmentRadiance::Colour(_) | EnvironmentRadiance::Sky(_) => None,
             EnvironmentRadiance::Picture { file } => Some(("radiance.picture.file".to_owned(), file)),
         }
     }
@@ -89,6 +92,13 @@ impl LightSettings for EnvironmentLight {
             }
             EnvironmentRadiance::Picture { file } => {
                 check_asset_name(file, &radiance.member("picture").member("file"))?;
+            }
+            EnvironmentRadiance::Sky(sky) => {
+                sky.check(&radiance.member("sky"))?;
+                if self.rotate != [0.0; 3] {
+                    let expected = "[0, 0, 0] with a sky, whose own up and sun say how it lies";
+                    return Err(SceneError::value(&path.member("rotate"), Numbers(&self.rotate), expected));
+                }
             }
         }
         check_range(self.scale, 0.0, MAX_SCALE, &path.member("scale"))?;
@@ -108,6 +118,7 @@ impl LightSettings for EnvironmentLight {
                     up: axes.z_axis.to_array(),
                 }
             }
+            EnvironmentRadiance::Sky(_) => return None,
         };
         Some(LightModel::Environment { radiance })
     }
@@ -119,6 +130,11 @@ impl LightSettings for EnvironmentLight {
             EnvironmentRadiance::Picture { file } => {
                 let map = assets.environments.get(file).expect("every picture is decoded before lights are built");
                 Surrounding::Map { map: Arc::clone(map), scale, frame }
+            }
+            EnvironmentRadiance::Sky(settings) => {
+                let sky = settings.build();
+                let frame = sky.frame;
+                Surrounding::Map { map: Arc::new(EnvironmentMap::of_sky(sky)), scale, frame }
             }
         };
         Arc::new(Environment { surrounding })

@@ -1,4 +1,4 @@
-//! Pictures of all that is around a scene, and how directions are drawn by their radiance.
+//! Pictures and skies around a scene, and how directions are drawn by their radiance.
 //!
 //! The top row of a picture is +z. Seen from inside, its middle column lies towards +x and the columns left of that
 //! towards +y. Radiance between texels is bilinear. The density is constant in each cell of a grid, and proportional to
@@ -15,7 +15,8 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::sphere_density::{SphereDensity, place_of, row_edges};
+use super::environment_sky::Sky;
+use super::sphere_density::{SphereDensity, direction_of, place_of, row_edges};
 use crate::settings::AssetProblem;
 use crate::texture::RadiancePicture;
 
@@ -41,10 +42,10 @@ const CELL_BYTES: u64 = 6 * 8;
 /// Decoded pictures by the names of their files.
 pub type EnvironmentMaps = BTreeMap<String, Arc<EnvironmentMap>>;
 
-/// A picture of radiance around the scene.
+/// A picture or a sky around the scene.
 #[derive(Debug)]
 pub struct EnvironmentMap {
-    picture: RadiancePicture,
+    surroundings: Surroundings,
     /// Mean and largest radiance of each channel.
     mean: DVec3,
     brightest: DVec3,
@@ -53,10 +54,71 @@ pub struct EnvironmentMap {
     compensated: Option<SphereDensity>,
 }
 
+/// What is around the scene.
+#[derive(Debug)]
+enum Surroundings {
+    Picture(RadiancePicture),
+    Sky(Sky),
+}
+
+impl Surroundings {
+    /// Columns and rows.
+    fn size(&self) -> [usize; 2] {
+        match self {
+            Self::Picture(picture) => picture.size(),
+            Self::Sky(_) => Sky::SIZE,
+        }
+    }
+
+    /// Radiance at a place, in columns from the left and in rows from the top.
+    fn at(&self, x: f64, y: f64) -> DVec3 {
+        match self {
+            Self::Picture(picture) => picture.between(x, y),
+            Self::Sky(sky) => {
+                let [width, height] = Sky::SIZE.map(|edge| edge as f64);
+                sky.radiance(direction_of(DVec2::new(x / width, y / height)))
+            }
+        }
+    }
+
+    /// The same at the middles of all columns, row by row.
+    fn texels(&self) -> Vec<DVec3> {
+        let [width, height] = self.size();
+        let middle = |place: usize| self.at((place % width) as f64 + 0.5, (place / width) as f64 + 0.5);
+        (0..width * height).into_par_iter().map(middle).collect()
+    }
+
+    /// Radiance from a direction.
+    fn radiance(&self, direction: DVec3) -> DVec3 {
+        match self {
+            Self::Picture(picture) => {
+                let place = place_of(direction);
+                let [width, height] = picture.size().map(|edge| edge as f64);
+                picture.between(place.x * width, place.y * height)
+            }
+            Self::Sky(sky) => sky.radiance(direction),
+        }
+    }
+
+    /// The largest radiance of each channel.
+    fn brightest(&self, texels: &[DVec3]) -> DVec3 {
+        let at_the_sun = match self {
+            Self::Picture(_) => DVec3::ZERO,
+            Self::Sky(sky) => sky.at_the_sun(),
+        };
+        texels.iter().fold(at_the_sun, |most, texel| most.max(*texel))
+    }
+}
+
 impl EnvironmentMap {
+    /// The map of a sky.
+    pub(super) fn of_sky(sky: Sky) -> Self {
+        Self::new(Surroundings::Sky(sky))
+    }
+
     /// Decodes an OpenEXR or Radiance file.
     pub(crate) fn decode(bytes: &[u8]) -> Result<Self, AssetProblem> {
-        RadiancePicture::decode(bytes).map(Self::new)
+        RadiancePicture::decode(bytes).map(|picture| Self::new(Surroundings::Picture(picture)))
     }
 
     /// Bytes that a map of so many pixels takes, while it is made too.
@@ -64,12 +126,12 @@ impl EnvironmentMap {
         TEXEL_BYTES * pixels + CELL_BYTES * pixels.min((MAX_CELLS[0] * MAX_CELLS[1]) as u64)
     }
 
-    fn new(picture: RadiancePicture) -> Self {
-        let [width, height] = picture.size();
+    fn new(surroundings: Surroundings) -> Self {
+        let [width, height] = surroundings.size();
         let cells = [width.min(MAX_CELLS[0]), height.min(MAX_CELLS[1])];
-        let brightest = picture.texels().iter().fold(DVec3::ZERO, |most, texel| most.max(texel.map(f64::from).into()));
-        let mean = mean(&picture);
-        let plain = root_mean_squares(&picture, cells);
+        let texels = surroundings.texels();
+        let (brightest, mean) = (surroundings.brightest(&texels), mean([width, height], &texels));
+        let plain = root_mean_squares(&surroundings, cells);
         let level = mean.element_sum() / 3.0;
         let compensated: Vec<f64> = plain.iter().map(|weight| (weight - level).max(0.0)).collect();
         let edges = row_edges(cells[1]);
@@ -82,7 +144,8 @@ impl EnvironmentMap {
             let floored: Vec<f64> = weights.iter().map(|weight| weight.max(FLOOR * level)).collect();
             SphereDensity::new(cells, &floored)
         };
-        Self { mean, brightest, plain: density(&plain), compensated: is_uneven.then(|| density(&compensated)), picture }
+        let compensated = is_uneven.then(|| density(&compensated));
+        Self { mean, brightest, plain: density(&plain), compensated, surroundings }
     }
 
     /// Mean radiance over all directions.
@@ -97,9 +160,7 @@ impl EnvironmentMap {
 
     /// Radiance from a direction.
     pub(super) fn radiance(&self, direction: DVec3) -> DVec3 {
-        let place = place_of(direction);
-        let [width, height] = self.picture.size().map(|edge| edge as f64);
-        self.picture.between(place.x * width, place.y * height)
+        self.surroundings.radiance(direction)
     }
 
     /// Draws a direction.
@@ -130,19 +191,18 @@ pub(super) enum Partner {
 }
 
 /// The mean radiance over all directions. A row stands for the latitudes that it covers.
-fn mean(picture: &RadiancePicture) -> DVec3 {
-    let [width, height] = picture.size();
+fn mean([width, height]: [usize; 2], texels: &[DVec3]) -> DVec3 {
     let edges = row_edges(height);
-    let sum = picture.texels().chunks_exact(width).enumerate().fold(DVec3::ZERO, |sum, (row, texels)| {
-        let of_row = texels.iter().fold(DVec3::ZERO, |sum, texel| sum + DVec3::from(texel.map(f64::from)));
+    let sum = texels.chunks_exact(width).enumerate().fold(DVec3::ZERO, |sum, (row, texels)| {
+        let of_row = texels.iter().fold(DVec3::ZERO, |sum, texel| sum + *texel);
         sum + of_row * (edges[row] - edges[row + 1])
     });
     sum / (2.0 * width as f64)
 }
 
 /// The root of the mean square of the radiance in each cell, where radiance is the mean of its channels.
-fn root_mean_squares(picture: &RadiancePicture, [columns, rows]: [usize; 2]) -> Vec<f64> {
-    let [width, height] = picture.size();
+fn root_mean_squares(surroundings: &Surroundings, [columns, rows]: [usize; 2]) -> Vec<f64> {
+    let [width, height] = surroundings.size();
     let texels = [width as f64 / columns as f64, height as f64 / rows as f64];
     let points = texels.map(|texels| (POINTS_OF_TEXEL * texels.ceil() as usize).max(LEAST_POINTS));
     let steps = [0, 1].map(|axis| texels[axis] / points[axis] as f64);
@@ -151,7 +211,7 @@ fn root_mean_squares(picture: &RadiancePicture, [columns, rows]: [usize; 2]) -> 
         let mut sum = 0.0;
         for point in 0..points[0] * points[1] {
             let place = [(point % points[0]) as f64 + 0.5, (point / points[0]) as f64 + 0.5];
-            let radiance = picture.between(corner[0] + place[0] * steps[0], corner[1] + place[1] * steps[1]);
+            let radiance = surroundings.at(corner[0] + place[0] * steps[0], corner[1] + place[1] * steps[1]);
             let grey = radiance.element_sum() / 3.0;
             sum += grey * grey;
         }

@@ -11,6 +11,7 @@ mod disk;
 mod emitter;
 mod environment;
 mod environment_map;
+mod environment_sky;
 #[cfg(test)]
 mod example;
 mod flat;
@@ -38,6 +39,7 @@ pub use disk::DiskLight;
 pub use emitter::{Body, Emission, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
 pub use environment::{EnvironmentLight, EnvironmentRadiance};
 pub use environment_map::{EnvironmentMap, EnvironmentMaps};
+pub use environment_sky::{SkyModel, SkySettings};
 pub use mesh::MeshLight;
 pub use point::PointLight;
 pub use receiver::{Receiver, Side};

@@ -78,6 +78,13 @@ pub(super) fn place_of(direction: DVec3) -> DVec2 {
     DVec2::new(across, down)
 }
 
+/// The unit vector of a place in the unit square.
+pub(super) fn direction_of(place: DVec2) -> DVec3 {
+    let (sin, cos) = libm::sincos(longitude_of(place.x));
+    let (radius, height) = libm::sincos(PI * place.y);
+    DVec3::new(radius * cos, radius * sin, height)
+}
+
 fn longitude_of(across: f64) -> f64 {
     2.0 * PI * (0.5 - across)
 }

@@ -64,6 +64,10 @@ fn scene() -> SceneDescription {
         sheets: BTreeMap::new(),
         panes: Vec::new(),
         lights: lights(),
+        site: None,
+        moment: None,
+        daylight: None,
+        timeline: Vec::new(),
     }
 }
 

@@ -110,6 +110,10 @@ fn building(name: String) -> SceneDescription {
         windows: Vec::new(),
         sheets: BTreeMap::new(),
         panes: Vec::new(),
+        site: None,
+        moment: None,
+        daylight: None,
+        timeline: Vec::new(),
         lights: vec![LightDescription::Sun(SunLight {
             name: "sun".to_owned(),
             // 40 degrees high, 15 degrees from the normal of the windows.

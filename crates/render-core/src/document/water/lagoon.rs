@@ -56,6 +56,10 @@ pub fn lagoon(settings: &WaterSettings) -> SceneDescription {
         sheets: BTreeMap::new(),
         panes: Vec::new(),
         lights: vec![sun([-0.4, 0.3, 1.0])],
+        site: None,
+        moment: None,
+        daylight: None,
+        timeline: Vec::new(),
     }
 }
 

@@ -63,6 +63,10 @@ pub fn pool(settings: &WaterSettings) -> SceneDescription {
         sheets: BTreeMap::new(),
         panes: Vec::new(),
         lights: vec![sun([0.35, -0.45, 1.0])],
+        site: None,
+        moment: None,
+        daylight: None,
+        timeline: Vec::new(),
     }
 }
 
