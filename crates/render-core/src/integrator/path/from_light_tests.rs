@@ -200,7 +200,8 @@ fn light_of_points_that_is_traced_forward_alone_lights_a_room_alike_behind_glass
     // The camera looks into the room through the pane.
     room["camera"] = json!({"perspective": {
         "position": [3.2, 0.2, 1.5], "look_at": [-1, -0.3, 1.2], "up": [0, 0, 1], "vertical_field_of_view": 30}});
-    room["path_filter"] = json!("T T D+ (R|T)* L");
+    // Methods alone find the light at the first vertex, and share that at others with connections.
+    room["path_filter"] = json!("T T D D+ (R|T)* L");
     let alone = Allocation { is_connected: true, ..Allocation::alone(4) };
     let [found, expected] = [see_with(&room, "auto", alone), see(&room, "fnee")];
     compare_seen(&found, &expected, "traced forward alone, seen through glass", 0.0);

@@ -90,8 +90,9 @@ impl Vertex<'_> {
 }
 
 /// The shares of all techniques in the path that joins the camera's first vertex to the last one of a light subpath;
-/// `None` where they do not see each other.
-fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Option<Vec<f64>> {
+/// `None` where they do not see each other. `is_behind_glass` takes the camera to see the first vertex through glass, so
+/// that nothing splats there.
+fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>, is_behind_glass: bool) -> Option<Vec<f64>> {
     let counters = &mut Counters::default();
     let hit = tracer.scene.accelerator().closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, counters)?;
     let Surface::Triangle { index, barycentric } = hit.surface else { return None };
@@ -127,9 +128,8 @@ fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>) -> Optio
     if blocked || !sees {
         return None;
     }
-    // The camera sees the first vertex straight.
-    let asks_methods = !tracer.light_plane.is_alone;
-    let splats = tracer.light_plane.shared_by;
+    let asks_methods = is_behind_glass || !tracer.light_plane.is_alone;
+    let splats = if is_behind_glass { 0.0 } else { tracer.light_plane.shared_by };
     let sight = tracer.scene.camera().sight(vertices[0].position)?;
     let seen = sight.density * vertices[0].cosines()[0];
     let mut by_light = vec![if splats > 0.0 { FromCamera::seen(splats, seen) } else { FromCamera::default() }];
@@ -278,9 +278,15 @@ fn check(scene: &Value, panes: usize, has_light_plane: bool, allocation: Allocat
         let position = stream.next_2d() * 4.0;
         let ray = tracer.scene.camera().ray(position);
         for subpath in tracer.light_subpath(stream, counters) {
-            let Some(shares) = shares(&tracer, &ray, &subpath) else { continue };
-            let sum: f64 = shares.iter().sum();
-            assert!((sum - 1.0).abs() < 1e-6, "{sum} {shares:?} {:?} {:?}", subpath.links, subpath.start);
+            let sum_to_one = |shares: &[f64]| {
+                let sum: f64 = shares.iter().sum();
+                assert!((sum - 1.0).abs() < 1e-6, "{sum} {shares:?} {:?} {:?}", subpath.links, subpath.start);
+            };
+            if tracer.is_connected {
+                shares(&tracer, &ray, &subpath, true).iter().for_each(|shares| sum_to_one(shares));
+            }
+            let Some(shares) = shares(&tracer, &ray, &subpath, false) else { continue };
+            sum_to_one(&shares);
             let count = shares.iter().filter(|share| **share > 0.0).count();
             found.techniques[count.min(7)] += 1;
             let largest = shares.iter().copied().fold(0.0, f64::max);
