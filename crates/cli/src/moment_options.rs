@@ -8,9 +8,6 @@ use clerestory_render_core::document::{FrameDescription, MomentDescription, Scen
 
 use crate::failure::Failure;
 
-/// Most frames of a range of times.
-const MOST_FRAMES: u32 = 1 << 16;
-
 /// Minutes of a day.
 const DAY: u32 = 24 * 60;
 
@@ -18,7 +15,7 @@ const DAY: u32 = 24 * 60;
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct MomentOptions {
     /// The moment of the scene: a date or a feast, and an hour, such as 1250-christmasTterce.
-    #[arg(long, value_name = "MOMENT", conflicts_with = "times")]
+    #[arg(long, value_name = "MOMENT", allow_hyphen_values = true, conflicts_with = "times")]
     at: Option<String>,
     /// Frames at many hours of a day, the first, the last and the step between: 1250-12-25T06:00..18:00/30min.
     #[arg(long, value_name = "RANGE")]
@@ -73,7 +70,7 @@ impl TimeRange {
     fn hours(&self) -> impl Iterator<Item = String> {
         let count = (self.last - self.first) / self.step + 1;
         let hour = |minutes: u32| format!("{:02}:{:02}", minutes / 60, minutes % 60);
-        (0..count.min(MOST_FRAMES)).map(move |number| hour(self.first + number * self.step))
+        (0..count).map(move |number| hour(self.first + number * self.step))
     }
 }
 

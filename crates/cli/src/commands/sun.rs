@@ -34,7 +34,7 @@ pub(crate) struct SunArguments {
     #[arg(long, value_name = "DEGREES")]
     temperature: Option<f64>,
     /// The moment: a date or a feast, T, and an hour.
-    #[arg(long, value_name = "MOMENT")]
+    #[arg(long, value_name = "MOMENT", allow_hyphen_values = true)]
     at: String,
     /// Calendar of the date: gregorian, julian, rome, france, britain, russia, or the first Gregorian day of one that
     /// changed.

@@ -40,6 +40,14 @@ fn terce_of_a_feast_is_a_quarter_of_the_day_after_sunrise() {
 }
 
 #[test]
+fn a_year_before_the_first_begins_with_a_sign() {
+    let place = ["--latitude", "48", "--longitude", "1", "--calendar", "julian", "--time", "apparent"];
+    let output = run(&[&place[..], &["--at", "-0450-06-21T12:00"]].concat());
+    let page = text(&output.stdout);
+    assert!(output.status.success() && page.contains("-450-06-21"), "{page}{}", text(&output.stderr));
+}
+
+#[test]
 fn an_old_date_without_a_calendar_is_gregorian_with_a_warning() {
     let output = run(&["--latitude", "48", "--longitude", "1", "--at", "1250-12-25T09:00", "--time", "apparent"]);
     assert!(output.status.success());

@@ -13,11 +13,9 @@ use crate::light::{EnvironmentLight, EnvironmentRadiance, LightDescription, SkyM
 use crate::settings::check::{check_direction, check_range};
 use crate::settings::{Check, JsonPath, SceneError};
 use crate::site::{
-    self, Moment, Place, SiteError, SunPosition, UniversalTime, clear_skylight, clear_sunlight, sun_position,
+    self, LUMINOUS_EFFICACY, Moment, Place, SiteError, SunPosition, UniversalTime, clear_skylight, clear_sunlight,
+    sun_position,
 };
-
-/// Lumens of a watt.
-const LUMINOUS_EFFICACY: f64 = 683.0;
 
 /// Sine of the least angle between up and north.
 const LEAST_SINE: f64 = 1e-3;

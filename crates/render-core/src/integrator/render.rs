@@ -163,7 +163,7 @@ impl Renderer<'_> {
         let samples = |pixels: u64| pixels * u64::from(self.sampling.samples_per_pass());
         let whole = u64::from(self.grid.width) * u64::from(self.grid.height);
         let subpaths = self.splatted.of(samples(whole));
-        // Splats are those of as many subpaths as the ratio says, of which there is no part of one.
+        // The weights know the ratio, and the number of subpaths is whole.
         let rounding = self.splatted.ratio() * samples(whole) as f64 / subpaths.max(1) as f64;
         let (splats, counters) = plane.splats(address.frame, address.passes().first, subpaths);
         if self.cancelled.load(Ordering::Relaxed) {

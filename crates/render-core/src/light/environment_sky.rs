@@ -7,11 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::Frame;
 use crate::settings::check::{check_direction, check_range};
 use crate::settings::{Check, JsonPath, SceneError, Triple};
-use crate::site::{PerezSky, SkyDistribution};
-
-/// Lumens of a watt: luminance is 683 lm/W times the weighted mean (0.2126, 0.7152, 0.0722) of the radiance of Rec.
-/// 709.
-const LUMINOUS_EFFICACY: f64 = 683.0;
+use crate::site::{LUMINOUS_EFFICACY, PerezSky, SkyDistribution};
 
 /// Least cosine of the sun with the zenith: a sky with a sun has it above the horizon.
 const LEAST_COSINE: f64 = 1e-6;

@@ -58,3 +58,16 @@ pub enum SiteError {
     #[error("the position of the sun cannot be computed: {0}")]
     Astronomy(#[from] solar_positioning::Error),
 }
+
+impl SiteError {
+    /// The thing that a word stands for, or an error that says which words there are.
+    pub(super) fn look_up<T: Copy>(
+        field: &'static str,
+        word: &str,
+        words: &[(&str, T)],
+        expected: &str,
+    ) -> Result<T, Self> {
+        let found = words.iter().find(|(known, _)| *known == word).map(|(_, thing)| *thing);
+        found.ok_or_else(|| Self::Text { field, value: word.to_owned(), expected: expected.to_owned() })
+    }
+}

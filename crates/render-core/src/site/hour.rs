@@ -40,12 +40,8 @@ impl FromStr for NamedHour {
     type Err = SiteError;
 
     fn from_str(text: &str) -> Result<Self, SiteError> {
-        let found = NAMED.iter().find(|(name, _)| *name == text).map(|(_, hour)| *hour);
-        found.ok_or_else(|| SiteError::Text {
-            field: "hour",
-            value: text.to_owned(),
-            expected: format!("HH:MM, HH:MM:SS or one of {}", NAMED.map(|(name, _)| name).join(", ")),
-        })
+        let names = NAMED.map(|(name, _)| name).join(", ");
+        SiteError::look_up("hour", text, &NAMED, &format!("HH:MM, HH:MM:SS or one of {names}"))
     }
 }
 
@@ -81,12 +77,7 @@ impl FromStr for HourReading {
     type Err = SiteError;
 
     fn from_str(text: &str) -> Result<Self, SiteError> {
-        let found = READINGS.iter().find(|(name, _)| *name == text).map(|(_, reading)| *reading);
-        found.ok_or_else(|| SiteError::Text {
-            field: "hour reading",
-            value: text.to_owned(),
-            expected: READINGS.map(|(name, _)| name).join(", "),
-        })
+        SiteError::look_up("hour reading", text, &READINGS, &READINGS.map(|(name, _)| name).join(", "))
     }
 }
 

@@ -10,7 +10,7 @@ use super::{Day, Place, SiteError, UniversalTime, sun_position};
 /// What the hours of a source are counted from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KindOfTime {
-    /// Midnight of a zone that is so many minutes ahead of universal time.
+    /// Midnight of a zone, which is this number of minutes ahead of universal time.
     Zone(i32),
     /// Midnight of local mean time, which is ahead of universal time by four minutes for each degree of longitude.
     Mean,
@@ -108,12 +108,7 @@ impl FromStr for KindOfTime {
     type Err = SiteError;
 
     fn from_str(text: &str) -> Result<Self, SiteError> {
-        let found = KINDS.iter().find(|(name, _)| *name == text).map(|(_, kind)| *kind);
-        found.ok_or_else(|| SiteError::Text {
-            field: "time",
-            value: text.to_owned(),
-            expected: format!("one of {}", Self::NAMES),
-        })
+        SiteError::look_up("time", text, &KINDS, &format!("one of {}", Self::NAMES))
     }
 }
 

@@ -34,5 +34,5 @@ pub use place::Place;
 pub use shown_times::ShownTimes;
 pub use sky::{PerezSky, SkyDistribution};
 pub use sun_position::{SunPosition, sun_position};
-pub use sunlight::{clear_skylight, clear_sunlight, sunlight_colour};
+pub use sunlight::{LUMINOUS_EFFICACY, clear_skylight, clear_sunlight, sunlight_colour};
 pub use universal_time::{Civil, UniversalTime};

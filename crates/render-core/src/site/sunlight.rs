@@ -2,6 +2,9 @@
 
 use super::SunPosition;
 
+/// Lumens of a watt: luminance is 683 lm/W times the mean of the radiance of Rec. 709 with the weights of luminance.
+pub const LUMINOUS_EFFICACY: f64 = 683.0;
+
 /// Illuminance of a surface that faces the sun outside the atmosphere, at a distance of one astronomical unit, lux
 /// (Kittler and Darula 1997).
 const LUMINOUS_SOLAR_CONSTANT: f64 = 133_800.0;

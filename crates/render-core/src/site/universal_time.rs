@@ -37,7 +37,7 @@ impl UniversalTime {
         Err(SiteError::Year(year as i64))
     }
 
-    /// A time of day, hours, on a day by its Julian day number. The clock is `ahead` of universal time by so many days.
+    /// A time of day, hours, on a day by its Julian day number. The clock is `ahead` of universal time, in days.
     ///
     /// # Errors
     ///
@@ -51,7 +51,7 @@ impl UniversalTime {
         self.julian_date
     }
 
-    /// Later by so many days.
+    /// Later by a number of days.
     ///
     /// # Errors
     ///
@@ -69,7 +69,7 @@ impl UniversalTime {
         Ok(delta_t::estimate(decimal_year(self.julian_date))?)
     }
 
-    /// Date and time on a clock that is `ahead` of universal time by so many days, to the second.
+    /// Date and time on a clock that is `ahead` of universal time, in days, to the second.
     pub fn civil(self, calendar: Calendar, ahead: f64) -> Civil {
         let seconds = ((self.julian_date + 0.5 + ahead) * DAY).round() as i64;
         let day = 86_400;

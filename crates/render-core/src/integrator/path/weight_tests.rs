@@ -90,8 +90,8 @@ impl Vertex<'_> {
 }
 
 /// The shares of all techniques in the path that joins the camera's first vertex to the last one of a light subpath;
-/// `None` where they do not see each other. `is_behind_glass` takes the camera to see the first vertex through glass, so
-/// that nothing splats there.
+/// `None` where they do not see each other. With `is_behind_glass`, the camera sees the first vertex through glass, and
+/// nothing splats there.
 fn shares(tracer: &PathTracer<'_>, ray: &Ray, subpath: &OneSubpath<'_>, is_behind_glass: bool) -> Option<Vec<f64>> {
     let counters = &mut Counters::default();
     let hit = tracer.scene.accelerator().closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, counters)?;
